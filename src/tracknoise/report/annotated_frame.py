@@ -74,8 +74,8 @@ def _jpeg(scene: Scene) -> str:
 
 
 def _tracker(scene: Scene, tracker: str, colour: str) -> list[Markup]:
-    found = scene.features.filter(tracker=tracker)
-    features = found.gather_every(max(1, math.ceil(found.height / MOST_FEATURES)))
+    all_features = scene.features.filter(tracker=tracker)
+    features = all_features.gather_every(max(1, math.ceil(all_features.height / MOST_FEATURES)))
     trails = scene.trails.filter(tracker=tracker).join(features.select("track"), on="track", how="semi")
     thick = scene.entry.width / 480
     paths = [

@@ -45,14 +45,14 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     rows = reported_conditions(data, data.slowest).reported(data["advice"])
     is_bound = not TruthVerdict.of(data["trust"]).is_usable
     for tracker in data.trackers:
-        found = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
-        if found:
-            sigma, innovations = (_number(found[name]) for name in ("sigma", "innovations"))
+        advice = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
+        if advice:
+            sigma, innovations = (_number(advice[name]) for name in ("sigma", "innovations"))
             factors = {
-                name: found[name]["value"] for name in ("track_gate", "observation_gate", "knee") if name in found
+                name: advice[name]["value"] for name in ("track_gate", "observation_gate", "knee") if name in advice
             }
-            limit = limit_text(found["sigma"]["kernel"], factors)
-            window = found["sigma"]["window"]
+            limit = limit_text(advice["sigma"]["kernel"], factors)
+            window = advice["sigma"]["window"]
             yield NoiseToSet(tracker, data.colour[tracker], window, sigma, is_bound, limit, innovations)
 
 
@@ -90,9 +90,9 @@ _GATES = {"track": "track_gate", "observation": "observation_gate"}
 
 def conclusions(summary: Summary) -> dict[str, str]:
     """The sentence that concludes what the figures of a section show, by the id of the section."""
-    stated = [one for finding in summary.findings for one in finding.statements]
-    found = {one.section: one.text for one in reversed(stated)}
-    return found | {"error-by-tracker": summary.accuracy.text, "pose-errors": summary.truth.text}
+    stated = [statement for finding in summary.findings for statement in finding.statements]
+    by_section = {statement.section: statement.text for statement in reversed(stated)}
+    return by_section | {"error-by-tracker": summary.accuracy.text, "pose-errors": summary.truth.text}
 
 
 def accuracy(data: ReportData) -> str:
@@ -110,19 +110,19 @@ def _cards(data: ReportData) -> tuple[Card, ...]:
 
 def _card(data: ReportData, tracker: str) -> Card:
     subject, basis = Subject(data, tracker), basis_of(data["trust"], is_fitted=data.truth_is_fitted)
-    found = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
-    measures = tuple(_limited(subject, one) for one in found if one is not None)
+    candidates = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
+    measures = tuple(_limited(subject, measure) for measure in candidates if measure is not None)
     return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))
 
 
-def _limited(subject: Subject, one: Measure) -> Measure:
+def _limited(subject: Subject, measure: Measure) -> Measure:
     """A measure that says where it holds for these scenes only, and its interval is from blocks of tracks."""
-    blocks = f"; blocks of tracks {subject.limits}" if subject.limits and one.number.interval else ""
-    return replace(one, sentence=subject.said(one.sentence), note=f"{one.note}{blocks}")
+    blocks = f"; blocks of tracks {subject.limits}" if subject.limits and measure.number.interval else ""
+    return replace(measure, sentence=subject.said(measure.sentence), note=f"{measure.note}{blocks}")
 
 
 def _size(card: Card) -> Measure | None:
-    return next((one for one in card.measures if one.name in ("error", "noise")), None)
+    return next((measure for measure in card.measures if measure.name in ("error", "noise")), None)
 
 
 def run_html(data: ReportData) -> str:

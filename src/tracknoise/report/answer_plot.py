@@ -159,28 +159,32 @@ def answer_plot(
     seen
         Tracks with patches, as `tracknoise.report.looks.looks` returns them.
     """
-    curves = {one.tracker: _curve(one, models[one.tracker], name) for one in settings if one.tracker in models}
-    known = [one for one in settings if one.tracker in curves and curves[one.tracker].windows]
-    able = [one for one in known if one.sigma.value and one.innovations.value]
+    curves = {
+        setting.tracker: _curve(setting, models[setting.tracker], name)
+        for setting in settings
+        if setting.tracker in models
+    }
+    with_windows = [setting for setting in settings if setting.tracker in curves and curves[setting.tracker].windows]
+    able = [setting for setting in with_windows if setting.sigma.value and setting.innovations.value]
     if not able:
         return None
-    first = max(able, key=lambda one: (one.sigma.value or 0.0) / (one.innovations.value or 1.0))
-    chosen = [first, *(one for one in able if one is not first)][:MOST_TRACKERS]
+    first = max(able, key=lambda setting: (setting.sigma.value or 0.0) / (setting.innovations.value or 1.0))
+    chosen = [first, *(setting for setting in able if setting is not first)][:MOST_TRACKERS]
     windows = f"windows of {counted(first.window, 'frame')}"
-    shown = tuple(_alike_long([curves[one.tracker] for one in chosen]))
+    shown = tuple(_alike_long([curves[setting.tracker] for setting in chosen]))
     return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker, "Its worst" if shown[1:] else "Worst"))
 
 
-def _title(one: NoiseToSet) -> str:
-    sigma, innovations = one.sigma.value or 0.0, one.innovations.value or 0.0
-    to_set = f"{px(sigma)}{', an upper bound' if one.is_bound else ''}"
+def _title(setting: NoiseToSet) -> str:
+    sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
+    to_set = f"{px(sigma)}{', an upper bound' if setting.is_bound else ''}"
     if _alike(sigma, innovations):
         return f"Your innovations are right: set {to_set}."
     return f"Your innovations say {px(innovations)}. Set {to_set}."
 
 
-def _alike(one: float, other: float) -> bool:
-    return one < _ALIKE * other and other < _ALIKE * one
+def _alike(first: float, second: float) -> bool:
+    return first < _ALIKE * second and second < _ALIKE * first
 
 
 def _alike_long(curves: Sequence[Curve]) -> Iterator[Curve]:
@@ -191,17 +195,17 @@ def _alike_long(curves: Sequence[Curve]) -> Iterator[Curve]:
         yield replace(curve, windows=curve.windows[:n], to_set=curve.to_set[:n], innovations=curve.innovations[:n])
 
 
-def _curve(one: NoiseToSet, model: NoiseModel, name: str) -> Curve:
+def _curve(setting: NoiseToSet, model: NoiseModel, name: str) -> Curve:
     """For windows that the tracks of the model can fill, and the shortest one where they fill none."""
     longest = model.training.ages[1] + 1
-    known = sorted({found.window for found in model.equivalents if found.landmark is Landmark.FREE})
-    able = [(window, sizes) for window in known if (sizes := _sizes(model, name, window)) is not None]
+    windows = sorted({equivalent.window for equivalent in model.equivalents if equivalent.landmark is Landmark.FREE})
+    able = [(window, sizes) for window in windows if (sizes := _sizes(model, name, window)) is not None]
     chosen = [pair for pair in able if pair[0] <= longest] or able[:1]
     return Curve(
-        one.tracker,
-        one.colour,
-        one.window,
-        one.sigma.value or 0.0,
+        setting.tracker,
+        setting.colour,
+        setting.window,
+        setting.sigma.value or 0.0,
         tuple(window for window, _ in chosen),
         tuple(sizes[0] for _, sizes in chosen),
         tuple(sizes[1] for _, sizes in chosen),
@@ -211,18 +215,18 @@ def _curve(one: NoiseToSet, model: NoiseModel, name: str) -> Curve:
 def _sizes(model: NoiseModel, name: str, window: int) -> tuple[float, float] | None:
     """What to set in an estimator with such windows, and what innovations look like; None where this is unknown."""
     try:
-        found = estimator(name).advise(model, window=window)
-        return found.sigma.value, innovations_of(model, found).value
+        advice = estimator(name).advise(model, window=window)
+        return advice.sigma.value, innovations_of(model, advice).value
     except SettingsError:
         return None
 
 
 def _strip(seen: Mapping[str, Any], tracker: str, worst: str) -> Strip | None:
     """Tiles of the track with the largest error of all that have pictures; `worst` opens the caption."""
-    own = [group for group in seen["groups"] if group["tracker"] == tracker and len(group["strip_at"]) > 1]
-    if not own:
+    groups = [group for group in seen["groups"] if group["tracker"] == tracker and len(group["strip_at"]) > 1]
+    if not groups:
         return None
-    group = max(own, key=lambda one: float(np.hypot(*one["tracks"][0]["error"])))
+    group = max(groups, key=lambda candidate: float(np.hypot(*candidate["tracks"][0]["error"])))
     track, frames, side = group["tracks"][0], group["strip_at"], seen["patch_px"]
     n = len(frames)
     with Image.open(io.BytesIO(base64.b64decode(group["strip"]))) as image:
@@ -235,9 +239,9 @@ def _strip(seen: Mapping[str, Any], tracker: str, worst: str) -> Strip | None:
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
     caption = f"{worst} track: {px(size)} off after {counted(frames_on, 'frame')}. Cross: track. Circle, line: truth."
-    written = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(written, "png")
-    return Strip(written.getvalue(), marks, caption)
+    buffer = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(buffer, "png")
+    return Strip(buffer.getvalue(), marks, caption)
 
 
 def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, float], tuple[float, float] | None]:
@@ -263,7 +267,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     grid = [_rule(y(value), f"{value:g}", colours) for value in _ticks(most)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
-    ends = [(y(value), what, curve.colour) for curve in shown.curves for what, value in _ends(curve, shown.curves)]
+    ends = [(y(value), name, curve.colour) for curve in shown.curves for name, value in _ends(curve, shown.curves)]
     dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">window, frames</text>').format(
@@ -324,10 +328,10 @@ def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
     ]
 
 
-def _ends(curve: Curve, every: Sequence[Curve]) -> Iterator[tuple[str, float]]:
+def _ends(curve: Curve, curves: Sequence[Curve]) -> Iterator[tuple[str, float]]:
     """What the ends of its lines are called: of several trackers their names, of one what the lines are."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
-    if len(every) > 1:
+    if len(curves) > 1:
         yield _short(printable(curve.tracker), _LONGEST_NAME), to_set
     elif _alike(to_set, innovations):
         yield "both alike", to_set
@@ -411,7 +415,7 @@ def png(shown: AnswerPlot, summary: Summary) -> bytes:
         *([] if shown.strip is None else [(48, 594, 18, 400, shown.strip.caption)]),
         (860, 594, 18, 400, f"tracknoise: {summary.experiment}"),
     ]
-    written = [
+    labels = [
         Markup('<text x="{x}" y="{y}" font-size="{size}" font-weight="{weight}">{text}</text>').format(
             x=x, y=y, size=size, weight=weight, text=_short(printable(text), int(1.95 * (WIDTH - x - 20) / size))
         )
@@ -425,7 +429,7 @@ def png(shown: AnswerPlot, summary: Summary) -> bytes:
         height=HEIGHT,
         font=style.FONT,
         ink=style.INK,
-        parts=Markup("").join([*written, *legend, plot, tiles]),
+        parts=Markup("").join([*labels, *legend, plot, tiles]),
     )
     return figure_files.png_of(str(svg), scale=1.0)
 

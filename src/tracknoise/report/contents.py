@@ -176,28 +176,28 @@ def layout(sections: Sequence[Section], *, filmed: bool = False, compared: bool 
         Whether there are several trackers.
     """
     figures = [item for section in sections for item in section.items if isinstance(item, Figure)]
-    known = {section.id: section for section in sections}
+    by_id = {section.id: section for section in sections}
     opened, shown = [], set[str]()
     for name, opening in OPENINGS.items():
         starts = [start for start in opening.figures if not (filmed and start == _EXAMPLES)]
-        chosen = [found for start in starts if (found := _chosen(figures, start)) is not None][:_MOST_FIGURES]
-        shown |= {one.id for one in chosen}
-        if chosen or name in known:
+        chosen = [candidate for start in starts if (candidate := _chosen(figures, start)) is not None][:_MOST_FIGURES]
+        shown |= {entry.id for entry in chosen}
+        if chosen or name in by_id:
             title = accuracy_title(compared=compared) if name == _ACCURACY else opening.title
             opened.append(Section(name, title, chosen))
-    return Layout(opened, [*_folded(sections, {one.id for one in opened}, shown)])
+    return Layout(opened, [*_folded(sections, {entry.id for entry in opened}, shown)])
 
 
 def _chosen(figures: Sequence[Figure], start: str) -> Figure | None:
-    able = [one for one in figures if one.id.startswith(start)]
-    return next((one for one in able if one.message), able[0] if able else None)
+    able = [figure for figure in figures if figure.id.startswith(start)]
+    return next((figure for figure in able if figure.message), able[0] if able else None)
 
 
 def _folded(sections: Sequence[Section], opened: Collection[str], shown: Collection[str]) -> Iterator[Section]:
     """What the open sections leave. A section of which a part is open has another id: its own is that of the part."""
     for section in sections:
-        rest = [item for item in section.items if item.id not in shown]
-        if rest or section.has_cells or not (section.items or section.id in opened):
-            is_parted = section.id in opened or len(rest) < len(section.items)
+        remaining = [item for item in section.items if item.id not in shown]
+        if remaining or section.has_cells or not (section.items or section.id in opened):
+            is_parted = section.id in opened or len(remaining) < len(section.items)
             name = f"more-{section.id}" if is_parted else section.id
-            yield Section(name, section.title, rest, section.tables, section.has_cells)
+            yield Section(name, section.title, remaining, section.tables, section.has_cells)

@@ -90,41 +90,41 @@ def exported(
     what innovations look like; `files`, pairs of names and contents, the patch last; `text`, what they are; or, where
     nothing can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
-    known = {
+    written = {
         name: _to_set(model, name, windows.get(name)) | _export(model, name, path, windows.get(name))
         for name in estimators()
     }
-    return known | {name: {"why": about.why} for name, about in refused().items()}
+    return written | {name: {"why": about.why} for name, about in refused().items()}
 
 
 def _to_set(model: NoiseModel, name: str, window: int | None) -> dict[str, Any]:
     try:
-        found = estimators()[name].advise(model, window=window)
+        advice = estimators()[name].advise(model, window=window)
     except SettingsError:
         return {}
-    innovations = innovations_of(model, found)
-    factors = {f"{gate}_gate": factor for gate, factor in found.gates.items()}
-    factors |= {} if found.knee is None else {"knee": found.knee}
-    sigma = number_of(found.sigma.value, found.sigma.low, found.sigma.high)
-    limit = limit_text(None if found.kernel is None else found.kernel.value, factors)
+    innovations = innovations_of(model, advice)
+    factors = {f"{gate}_gate": factor for gate, factor in advice.gates.items()}
+    factors |= {} if advice.knee is None else {"knee": advice.knee}
+    sigma = number_of(advice.sigma.value, advice.sigma.low, advice.sigma.high)
+    limit = limit_text(None if advice.kernel is None else advice.kernel.value, factors)
     return {"set": [sigma.text, sigma.interval, limit, number_of(innovations.value, None, None).text]}
 
 
 def _export(model: NoiseModel, name: str, path: str, window: int | None) -> dict[str, Any]:
     try:
-        found = export(model, name, target=Target(window=window), source=path.rpartition("/")[2])
+        output = export(model, name, target=Target(window=window), source=path.rpartition("/")[2])
     except SettingsError as error:
         unknown = _unknown(model, estimators()[name].needs)
         command = " ".join([f"tracknoise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])
         return {"why": str(error), **({"command": command} if unknown else {})}
-    patch = [] if found.patch is None else [(f"{name}.patch", found.patch)]
-    return {"files": [*found.files.items(), *patch], "text": found.text}
+    patch = [] if output.patch is None else [(f"{name}.patch", output.patch)]
+    return {"files": [*output.files.items(), *patch], "text": output.text}
 
 
 def _unknown(model: NoiseModel, needs: Sequence[str]) -> list[str]:
     """What an estimator needs and the run does not know. Observations are never part of a page."""
-    known = {"focal length": model.camera.focal_px, "rate": model.camera.rate_hz}
-    return [need for need in needs if known.get(need) is None]
+    facts = {"focal length": model.camera.focal_px, "rate": model.camera.rate_hz}
+    return [need for need in needs if facts.get(need) is None]
 
 
 def _packed(content: Mapping[str, Any]) -> str:

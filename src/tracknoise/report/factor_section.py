@@ -39,11 +39,11 @@ def side_by_side(table: pl.DataFrame) -> pl.DataFrame:
     mark for their agreement with the paper. `table`: schema `tracknoise.report.paper.COMPARISON`.
     """
     columns: dict[str, list[str]] = {"statistic": [_unbroken(name) for name in STATISTICS.values()]}
-    for asked, group in table.group_by("factor", "tracker", maintain_order=True):
+    for key, group in table.group_by("factor", "tracker", maintain_order=True):
         rows = {row["role"]: row for row in group.to_dicts()}
-        name = ", ".join(str(part) for part in asked if part)
+        name = ", ".join(str(part) for part in key if part)
         headings = list(_CELLS) if group["paper"].count() else ["paired"]
-        columns |= {f"{name}: {one}": [_CELLS[one](rows.get(role)) for role in STATISTICS] for one in headings}
+        columns |= {f"{name}: {title}": [_CELLS[title](rows.get(role)) for role in STATISTICS] for title in headings}
     return pl.DataFrame(columns)
 
 
@@ -91,20 +91,20 @@ _CELLS: Mapping[str, Callable[[Mapping[str, Any] | None], str]] = {
 def sentences(data: ReportData) -> list[str]:
     """Count of agreements with the paper, and warnings."""
     table = data.comparison
-    made = [_tally(data, table)] if table["paper"].count() else []
+    texts = [_tally(data, table)] if table["paper"].count() else []
     if table.is_empty():
-        made.append("This run varies no factor, so there is nothing to compare.")
+        texts.append("This run varies no factor, so there is nothing to compare.")
     share = "yardstick_share_of_absolute"
     slight = table.filter(pl.col(share) <= pl.col("yardstick_margin"), yardstick_verdict="yes")
     if slight.height:
         largest = percent(slight[share].max())  # type: ignore[arg-type]
-        made.append(
+        texts.append(
             "Caution: by the paper's yardstick, the yes for the mean error of "
             f"{listing(_asked(row) for row in slight.to_dicts())} may be chance. There is hardly any bias, so the "
             "common variation is small. Even a small difference then exceeds the margin. "
             f"These means differ by at most {largest} of the variation of the mean absolute error."
         )
-    return made
+    return texts
 
 
 def intervals(data: ReportData) -> Cells | None:
@@ -150,23 +150,23 @@ def details(data: ReportData) -> Cells:
     """What decided the paper's yardstick: one row per factor, tracker and statistic."""
     headings = ["factor", "tracker", "statistic", "verdict", "levels", "where", "pairs"]
     headings += ["difference", "variation", "effect", "share of mean |error|"]
-    known = data.comparison.filter(pl.col("yardstick_verdict").is_not_null())
-    rows = [_detail(data, row) for row in known.to_dicts()]
+    decided = data.comparison.filter(pl.col("yardstick_verdict").is_not_null())
+    rows = [_detail(data, row) for row in decided.to_dicts()]
     caption = "The paper's yardstick: the largest difference of each factor, relative to the common variation"
     return Cells(caption, headings, rows, [False] * 6 + [True] * 5)
 
 
 def _detail(data: ReportData, row: Mapping[str, Any]) -> list[str]:
-    found = {name.removeprefix("yardstick_"): value for name, value in row.items() if name.startswith("yardstick_")}
-    asked = [*_question(row), found["verdict"]]
-    if found["effect"] is None:
-        return [*asked, found["why"], *[DASH] * 6]
-    where = "" if found["at"] is None else _unbroken(f"{found['coordinate']}, {data.axis.place(found['at'])}")
-    pairs = f"{found['n_pairs']} of {found['n_levels'] * (found['n_levels'] - 1) // 2}"
-    compared = f"{found['level_a']} and {found['level_b']}" + (f" ({found['why']})" if found["why"] else "")
-    sizes = [_size(found["difference"], found["unit"]), _size(found["common"], found["unit"])]
-    share = DASH if found["share_of_absolute"] is None else percent(found["share_of_absolute"])
-    return [*asked, compared, where, pairs, *sizes, effect_text(found["effect"]), share]
+    columns = {name.removeprefix("yardstick_"): value for name, value in row.items() if name.startswith("yardstick_")}
+    question = [*_question(row), columns["verdict"]]
+    if columns["effect"] is None:
+        return [*question, columns["why"], *[DASH] * 6]
+    where = "" if columns["at"] is None else _unbroken(f"{columns['coordinate']}, {data.axis.place(columns['at'])}")
+    pairs = f"{columns['n_pairs']} of {columns['n_levels'] * (columns['n_levels'] - 1) // 2}"
+    compared = f"{columns['level_a']} and {columns['level_b']}" + (f" ({columns['why']})" if columns["why"] else "")
+    sizes = [_size(columns["difference"], columns["unit"]), _size(columns["common"], columns["unit"])]
+    share = DASH if columns["share_of_absolute"] is None else percent(columns["share_of_absolute"])
+    return [*question, compared, where, pairs, *sizes, effect_text(columns["effect"]), share]
 
 
 def _size(value: float, unit: str) -> str:

@@ -26,9 +26,9 @@ def png_of(svg: str, *, scale: float) -> bytes:
     """Draw a figure."""
     with pdfium.PdfDocument(vlc.svg_to_pdf(svg)) as document:
         image = document[0].render(scale=scale).to_pil()
-    written = io.BytesIO()
-    image.save(written, "png", compress_level=_COMPRESSION)
-    return written.getvalue()
+    buffer = io.BytesIO()
+    image.save(buffer, "png", compress_level=_COMPRESSION)
+    return buffer.getvalue()
 
 
 PNG_SCALE = 2
@@ -54,7 +54,7 @@ def _shown(value: Any) -> Any:
     the properties that every object has: an invisible sign makes it another.
     """
     if isinstance(value, str):
-        return _PROPERTIES.sub(lambda found: f"{found[0][0]}\u2060{found[0][1:]}", printable(value, keep="\n"))
+        return _PROPERTIES.sub(lambda match: f"{match[0][0]}\u2060{match[0][1:]}", printable(value, keep="\n"))
     if isinstance(value, dict):
         return {key: _shown(part) for key, part in value.items()}
     return [_shown(part) for part in value] if isinstance(value, list | tuple) else value
@@ -113,7 +113,7 @@ def _legend_px(spec: Any) -> int:
 def _height(part: Mapping[str, Any]) -> int:
     title = _TITLE if part.get("title") else 0
     if "vconcat" in part:
-        return title + sum(_height(one) + _SPACING for one in part["vconcat"])
+        return title + sum(_height(panel) + _SPACING for panel in part["vconcat"])
     if "hconcat" in part:
         return title + max(map(_height, part["hconcat"]), default=0)
     if "concat" in part:
@@ -143,8 +143,8 @@ def render(spec: Mapping[str, Any], formats: tuple[str, ...]) -> dict[str, bytes
 
 def _renumbered_clips(svg: str) -> str:
     """Number clip paths from 1. Vega keeps counting from one drawing to the next, which is not repeatable."""
-    found = list(dict.fromkeys(re.findall(r"\bclip\d+\b", svg)))
-    names = {name: f"clip{number}" for number, name in enumerate(found, start=1)}
+    clips = list(dict.fromkeys(re.findall(r"\bclip\d+\b", svg)))
+    names = {name: f"clip{number}" for number, name in enumerate(clips, start=1)}
     return re.sub(r"\bclip\d+\b", lambda match: names[match.group()], svg)
 
 

@@ -51,8 +51,8 @@ def _tracks(seen: pl.DataFrame, most: int) -> Iterator[dict[str, Any]]:
         seen.join(chosen, on="track", how="semi").sort("track", "frame").group_by("track", maintain_order=True)
     ):
         first = int(rows["frame"][0])
-        every = pl.DataFrame(
+        all_frames = pl.DataFrame(
             {"frame": range(first, int(rows["frame"][-1]) + 1)}, schema={"frame": rows.schema["frame"]}
         )
-        path = every.join(rows, on="frame", how="left", maintain_order="left")
+        path = all_frames.join(rows, on="frame", how="left", maintain_order="left")
         yield {"frame": first, **{name: path[f"{name}_px"].round(2).to_list() for name in ("u", "v", "du", "dv")}}

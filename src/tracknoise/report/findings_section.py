@@ -49,10 +49,10 @@ def verdicts(data: ReportData) -> Cells:
         ("", 2),
     ]
     rows = [_row(data, tracker, speed) for tracker in data.trackers for speed in data.speeds]
-    which = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
+    errors_text = f"Errors are {data.trimming} unless the heading says otherwise. " if dropped else ""
     combined = f"Core: of a typical scene. Whether the mean is zero: at this {axis.name} alone, u and v together."
     lifetimes = "Median lifetimes are Kaplan-Meier estimates in whole frames."
-    caption = f"Verdicts{data.where}. {which}{combined} {lifetimes}"
+    caption = f"Verdicts{data.where}. {errors_text}{combined} {lifetimes}"
     shown = [row for row in rows if row]
     return Cells(caption, headings, shown, [False, True, True, *[False] * (len(headings) - 3)], groups)
 
@@ -131,8 +131,8 @@ def _sizes(
     """The reference age, and sizes of errors there. Withheld where points are fitted to the tracks."""
     if summary["at"] is None or data.truth_is_fitted:
         return [DASH] * 5
-    found = [size_estimate(summary, intervals, conditions, name, axis) for name in SIZES for axis in "uv"]
-    return [str(summary["at"]), *map(_px, found)]
+    sizes = [size_estimate(summary, intervals, conditions, name, axis) for name in SIZES for axis in "uv"]
+    return [str(summary["at"]), *map(_px, sizes)]
 
 
 def _px(estimate: Estimate) -> str:
@@ -154,14 +154,14 @@ def _shapes(data: ReportData, conditions: ReportedConditions, tracker: str, at: 
     rows = conditions.of(data["gaussianity"], tracker).sort("age_low")
     since = 1 if at is None else abs(conditions.since(at))
     holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").is_null() | (pl.col("age_high") >= since))
-    found = [first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
-    return [DASH if row is None else str(row["verdict"]) for row in found]
+    by_trimming = [first(holding.filter(trimming=trimming)) for trimming in conditions.trimmings]
+    return [DASH if row is None else str(row["verdict"]) for row in by_trimming]
 
 
 def _growth(data: ReportData, conditions: ReportedConditions, tracker: str, coordinate: str) -> str:
     rows = conditions.of(data["time_structure"], tracker).filter(trimming=data.trimming, coordinate=coordinate)
     row = first(rows)
-    found = None if row is None else growth_ratio(row)
-    if row is None or found is None:
+    ratio = None if row is None else growth_ratio(row)
+    if row is None or ratio is None:
         return DASH
-    return f"{format_estimate(found)} times; {kind_of_growth(row)}"
+    return f"{format_estimate(ratio)} times; {kind_of_growth(row)}"

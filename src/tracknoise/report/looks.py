@@ -28,11 +28,11 @@ def looks(data: ReportData) -> dict[str, Any]:
     groups: list[dict[str, Any]] = []
     size = 0
     for key, entry in data.sequences.items():
-        found = list(_groups(data, key)) if "patches" in entry.sha256 and data.keeps_observations else []
-        size += len(json.dumps(found))
+        scene_groups = list(_groups(data, key)) if "patches" in entry.sha256 and data.keeps_observations else []
+        size += len(json.dumps(scene_groups))
         if size > MOST_BYTES:
             break
-        groups += [{"scene": entry.sequence.scene, **group} for group in found]
+        groups += [{"scene": entry.sequence.scene, **group} for group in scene_groups]
     return {"patch_px": PATCH_PX, "kinds": KINDS, "groups": groups}
 
 
@@ -42,11 +42,11 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
     shown = pl.col("track").is_in(patches["track"].explode().unique().to_list()), pl.col("speed") == data.slowest
     observed, ends = (data.run.rows(name, key, *shown) for name in ("observations", "tracks"))
     for row in patches.to_dicts():
-        own = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
+        observations = observed.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
         reasons = ends.filter(pl.col("track").is_in(row["track"]), tracker=row["tracker"])
-        paths = own.sort("frame").select("track", *_OF_PATHS).rows_by_key("track", named=True, unique=False)
+        paths = observations.sort("frame").select("track", *_OF_PATHS).rows_by_key("track", named=True, unique=False)
         ended = {lived["track"]: lived for lived in reasons.to_dicts()}
-        strip = [one["frame"] for one in _between(row, 0, paths[row["track"][0]])][-LONGEST_STRIP:]
+        strip = [observation["frame"] for observation in _between(row, 0, paths[row["track"][0]])][-LONGEST_STRIP:]
         yield {
             "tracker": row["tracker"],
             "at": row["at"],
@@ -59,28 +59,30 @@ def _groups(data: ReportData, key: str) -> Iterator[dict[str, Any]]:
 
 def _between(row: _Row, place: int, path: Sequence[_Row]) -> list[_Row]:
     """The rows of a chosen track from its anchor to the frame that is shown."""
-    return [one for one in path if row["anchor_frame"][place] <= one["frame"] <= row["frame"][place]]
+    return [
+        observation for observation in path if row["anchor_frame"][place] <= observation["frame"] <= row["frame"][place]
+    ]
 
 
 def _track(row: _Row, place: int, path: Sequence[_Row], lived: _Row) -> dict[str, Any]:
     """One of the chosen tracks."""
     until = _between(row, place, path)
-    now = until[-1]
-    known = [one for one in until if one["du_px"] is not None]
+    last = until[-1]
+    measured = [observation for observation in until if observation["du_px"] is not None]
     return {
         "kind": KINDS[place // row["n_each"]],
         "row": place,
         "track": row["track"][place],
         "frame": row["frame"][place],
         "anchor_frame": row["anchor_frame"][place],
-        "within": [now[name] - round(now[name]) for name in ("u_px", "v_px")],
+        "within": [last[name] - round(last[name]) for name in ("u_px", "v_px")],
         "error": [row["du_px"][place], row["dv_px"][place]],
         "end": _NOT_RECORDED if lived["end"] is None else lived["end"].replace("_", " "),
         "lifetime": lived["lifetime"],
         "largest": None if lived["max_error_px"] is None else float(f"{lived['max_error_px']:.6g}"),
-        "truth": now["truth"].replace("_", " "),
+        "truth": last["truth"].replace("_", " "),
         "path": {
-            "frame": [one["frame"] for one in known],
-            **{name: [one[name] for one in known] for name in ("du_px", "dv_px")},
+            "frame": [observation["frame"] for observation in measured],
+            **{name: [observation[name] for observation in measured] for name in ("du_px", "dv_px")},
         },
     }

@@ -59,9 +59,9 @@ def scenes(data: ReportData) -> Cells:
     kinds = dict.fromkeys(columns, pl.String) | {"rotation": pl.Int64, "n_frames": pl.Int64}
     caption = "Sequences"
     if many:
-        others = listing(f"{len(values)} {name}s" for name, values in varied.items())
+        counts = listing(f"{len(values)} {name}s" for name, values in varied.items())
         caption = f"Sequences,{data.where}, of {count(len(data.manifest.sequences), 'sequence')} in all"
-        caption += f" ({others})" if others else ""
+        caption += f" ({counts})" if counts else ""
     return cells(pl.DataFrame(rows, schema=kinds), columns, caption)
 
 
@@ -159,10 +159,15 @@ def without_truth(data: ReportData) -> list[tuple[str, str]]:
 
 def _mostly_unknown(data: ReportData, groups: Sequence[tuple[str, pl.DataFrame]]) -> list[tuple[str, str]]:
     """Groups of observations that mostly have no true position, each with a sentence. Many share one sentence."""
-    found = [(place, rows, sentence) for place, rows in groups if (sentence := _unknown(data, rows))]
-    if len(found) <= MOST_NAMED:
-        return [(place, sentence) for place, _, sentence in found]
-    return [(together([place for place, *_ in found]), _unknown(data, pl.concat([rows for _, rows, _ in found])))]
+    mostly_unknown = [(place, rows, sentence) for place, rows in groups if (sentence := _unknown(data, rows))]
+    if len(mostly_unknown) <= MOST_NAMED:
+        return [(place, sentence) for place, _, sentence in mostly_unknown]
+    return [
+        (
+            together([place for place, *_ in mostly_unknown]),
+            _unknown(data, pl.concat([rows for _, rows, _ in mostly_unknown])),
+        )
+    ]
 
 
 def _unknown(data: ReportData, rows: pl.DataFrame) -> str:
@@ -174,9 +179,11 @@ def _unknown(data: ReportData, rows: pl.DataFrame) -> str:
         return ""
     labels = _truths(data)
     reasons = listing(f"{percent(value / total)} {labels[name]}" for name, value in unknown.items())
-    rest = "Errors are measured for the rest only" if sum(unknown.values()) < total else "No error could be measured"
+    consequence = (
+        "Errors are measured for the rest only" if sum(unknown.values()) < total else "No error could be measured"
+    )
     share = percent(sum(unknown.values()) / total)
-    return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}). {rest}."
+    return f"the true position of {share} of {count(total, 'observation')} is unknown ({reasons}). {consequence}."
 
 
 def _truths(data: ReportData) -> dict[str, str]:
@@ -214,8 +221,8 @@ def _pivot(data: ReportData, kind: str, names: Mapping[str, str], caption: str) 
     table = data.listed(data["counts"]).filter(kind=kind)
     totals = [_sum(pl.col("n").filter(pl.col("name") == name)).alias(name) for name in names]
     wide = table.group_by(list(keys)).agg(*totals, all=_sum(pl.col("n")))
-    every = data.listed(data["summary"]).select(list(keys)).unique()
-    nothing = every.join(wide, on=list(keys), how="anti").with_columns(
+    conditions = data.listed(data["summary"]).select(list(keys)).unique()
+    nothing = conditions.join(wide, on=list(keys), how="anti").with_columns(
         pl.lit(0).alias(name) for name in (*names, "all")
     )
     wide = data.in_order(pl.concat([wide, nothing.select(wide.columns).cast(wide.schema)]))
@@ -255,12 +262,12 @@ def summary(data: ReportData) -> Cells:
 
 def summary_parts(data: ReportData) -> list[Cells]:
     """The table of `summary` in parts that fit the page: lifetimes and outliers, then errors by trimming."""
-    whole, keys = summary(data), len(data.condition_columns)
-    ends = list(accumulate(span for _, span in whole.groups))
-    parts = [whole.part(range(ends[2]), whole.caption, whole.groups[:3])]
-    for (title, span), start, end in zip(whole.groups[3:], ends[2:], ends[3:], strict=False):
+    table, keys = summary(data), len(data.condition_columns)
+    ends = list(accumulate(span for _, span in table.groups))
+    parts = [table.part(range(ends[2]), table.caption, table.groups[:3])]
+    for (title, span), start, end in zip(table.groups[3:], ends[2:], ends[3:], strict=False):
         groups = [("", keys + 1), (title, span)]
-        parts.append(whole.part([*range(keys), ends[2] - 1, *range(start, end)], f"Errors, {title}", groups))
+        parts.append(table.part([*range(keys), ends[2] - 1, *range(start, end)], f"Errors, {title}", groups))
     return parts
 
 

@@ -46,9 +46,9 @@ def model_sentences(model: NoiseModel, name: str) -> list[str]:
 def component_cells(model: NoiseModel) -> Cells:
     """The components, with the reason where one was dropped."""
     rows = []
-    for one in COMPONENTS:
-        part = getattr(model, one.name)
-        rows.append([one.title, *interval_cells(part.sigma), one.unit, part.why_dropped or ""])
+    for component in COMPONENTS:
+        part = getattr(model, component.name)
+        rows.append([component.title, *interval_cells(part.sigma), component.unit, part.why_dropped or ""])
     described = f"Components, of the {_percent(1.0 - model.outlier_share)} of the observations that are no outliers"
     return Cells(described, ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
 
@@ -58,21 +58,23 @@ _NUMERIC = (False, True, True, True, False, False)
 
 def equivalent_cells(model: NoiseModel, window: int) -> Cells:
     """Standard deviations for windows of nearly this length, named by what they make right."""
-    lengths = sorted({one.window for one in model.equivalents}, key=lambda length: (abs(length - window), length))
-    some = [one for one in model.equivalents if lengths and one.window == lengths[0]]
+    lengths = sorted(
+        {equivalent.window for equivalent in model.equivalents}, key=lambda length: (abs(length - window), length)
+    )
+    equivalents = [equivalent for equivalent in model.equivalents if lengths and equivalent.window == lengths[0]]
     rows = [
         [
-            _LANDMARKS[one.landmark],
-            _PURPOSES[one.purpose],
-            *interval_cells(one.sigma),
-            DASH if one.gate_80 is None else number(one.gate_80),
-            number(one.gate_95),
-            number(one.gate_99),
+            _LANDMARKS[equivalent.landmark],
+            _PURPOSES[equivalent.purpose],
+            *interval_cells(equivalent.sigma),
+            DASH if equivalent.gate_80 is None else number(equivalent.gate_80),
+            number(equivalent.gate_95),
+            number(equivalent.gate_99),
         ]
-        for one in some
+        for equivalent in equivalents
     ]
     headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .80", "gate .95", "gate .99"]
-    simulated = "simulated " if any(one.simulated for one in some) else ""
+    simulated = "simulated " if any(equivalent.simulated for equivalent in equivalents) else ""
     caption = f"One sigma for all observations, {simulated}windows of {lengths[0] if lengths else window} frames"
     return Cells(caption, headings, rows, (False, False, *[True] * 6))
 
@@ -83,11 +85,11 @@ def _advice(model: NoiseModel, name: str) -> list[str]:
     if about.purpose is None:
         return [f"{about.title} takes the components, which `tracknoise export` writes."]
     try:
-        found = about.advise(model)
+        advice = about.advise(model)
     except SettingsError as error:
         return [f"What to set in {about.title} is unknown: {error}."]
-    innovations = innovations_of(model, found)
-    to_set = in_words(found, is_bound=not model.truth.is_usable)
+    innovations = innovations_of(model, advice)
+    to_set = in_words(advice, is_bound=not model.truth.is_usable)
     return [f"In {about.title}, set {to_set}.", f"Innovations look like {number(innovations.value)} px."]
 
 
@@ -113,10 +115,10 @@ def _model_bias(model: NoiseModel) -> str:
 
 def _conditions(model: NoiseModel) -> list[str]:
     return [
-        f"White noise and walk depend on {one.of}: their variances change by a factor of "
-        f"{number(math.exp(max(one.log_factor) - min(one.log_factor)))}. On scenes that were left out this gains "
-        f"{number(one.gain.value)} nat per change{' beyond the first factor' if place else ''}."
-        for place, one in enumerate(model.conditions)
+        f"White noise and walk depend on {condition.of}: their variances change by a factor of "
+        f"{number(math.exp(max(condition.log_factor) - min(condition.log_factor)))}. On scenes that were left out this "
+        f"gains {number(condition.gain.value)} nat per change{' beyond the first factor' if place else ''}."
+        for place, condition in enumerate(model.conditions)
     ]
 
 
@@ -127,10 +129,10 @@ def _track_scale(model: NoiseModel) -> list[str]:
         return []
     if scale.why_refused is not None or scale.gain is None:
         return [f"The likelihood of whole tracks is not used: {scale.why_refused}."]
-    bulk = [one for one in COMPONENTS if one.name in BULK]
-    parts = ", ".join(f"{one.letter} {_range(getattr(scale, one.name).sigma)} {one.unit}" for one in bulk)
+    bulk = [term for term in COMPONENTS if term.name in BULK]
+    parts = ", ".join(f"{term.letter} {_range(getattr(scale, term.name).sigma)} {term.unit}" for term in bulk)
     gain = f"On what was left out, this gains {_range(scale.gain)} nat per track over second moments."
-    qualities = " and ".join(one.of for one in scale.conditions)
+    qualities = " and ".join(term.of for term in scale.conditions)
     by_quality = f"; W and Q depend on {qualities}" if qualities else ""
     if scale.nu is None:
         return [f"By the likelihood of whole tracks, tails are Gaussian: {parts}{by_quality}. {gain}"]

@@ -186,7 +186,7 @@ def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:
     """What to set for the trackers of the first screen: all in their order, or those with the smallest sigma."""
     if len(answered.settings) <= answer_plot.MOST_TRACKERS:
         return answered.settings
-    return sorted(answered.settings, key=lambda one: one.sigma.value or 0.0)[: answer_plot.MOST_TRACKERS]
+    return sorted(answered.settings, key=lambda setting: setting.sigma.value or 0.0)[: answer_plot.MOST_TRACKERS]
 
 
 def _anchors(arranged: Layout, family_of: Mapping[str, str]) -> set[str]:

@@ -95,11 +95,11 @@ def compare(effects: pl.DataFrame, dependence: pl.DataFrame, asked: Asked) -> pl
     nominal = pl.col("speed").is_null() | (pl.col("speed") == asked.speed)
     for row in _joined(effects, dependence).filter(nominal, pl.col("statistic").is_in(list(ROLES))).to_dicts():
         role = ROLES[row["statistic"]]
-        said = finding(asked.experiment, row["factor"], role, asked.trackers.get(row["tracker"]))
-        if (row["n_levels"] or row["yardstick_n_levels"]) > 1 or said:
+        theirs = finding(asked.experiment, row["factor"], role, asked.trackers.get(row["tracker"]))
+        if (row["n_levels"] or row["yardstick_n_levels"]) > 1 or theirs:
             judged = {"agreement": row["verdict"], "yardstick_agreement": row["yardstick_verdict"]}
-            agreed = {name: _agreement(verdict, said) for name, verdict in judged.items()}
-            rows.append({**row, "role": role, "paper": said, **agreed})
+            agreed = {name: _agreement(verdict, theirs) for name, verdict in judged.items()}
+            rows.append({**row, "role": role, "paper": theirs, **agreed})
     rows.sort(key=lambda row: _order(list(asked.trackers), row))
     return pl.DataFrame(rows, schema=dict(COMPARISON))
 
@@ -117,10 +117,10 @@ def tally(table: pl.DataFrame, *, of: str = "agreement") -> dict[str, int]:
     return {name: table.filter(pl.col(of) == name).height for name in AGREEMENTS}
 
 
-def _agreement(ours: str | None, said: str | None) -> str | None:
-    if said is None:
+def _agreement(ours: str | None, theirs: str | None) -> str | None:
+    if theirs is None:
         return None
-    return "undecided" if ours in (None, "undecided") else "agree" if ours == said else "disagree"
+    return "undecided" if ours in (None, "undecided") else "agree" if ours == theirs else "disagree"
 
 
 def _order(trackers: Sequence[str], row: Mapping[str, Any]) -> tuple[int, int, int]:

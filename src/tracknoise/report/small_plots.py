@@ -42,7 +42,7 @@ def scale(measures: Iterable[Measure]) -> Scale:
     """Axis that holds the values and intervals of measures, and zero where it is not logarithmic."""
     shown = list(measures)
     numbers = [measure.number for measure in shown]
-    ends = [end for one in numbers for end in (one.value, one.low, one.high) if end is not None]
+    ends = [end for number in numbers for end in (number.value, number.low, number.high) if end is not None]
     ends += [measure.reference for measure in shown if measure.reference is not None]
     if ends and min(ends) > 0.0 and max(ends) > _MANY_TIMES * min(ends):
         return _widened(math.log(min(ends)), math.log(max(ends)), is_log=True)
@@ -56,7 +56,10 @@ def _widened(low: float, high: float, *, is_log: bool) -> Scale:
 def scales(cards: Sequence[Card]) -> dict[str, Scale]:
     """Axis of every measure that any card has, by name."""
     names = dict.fromkeys(measure.name for card in cards for measure in card.measures)
-    return {name: scale(one for card in cards for one in card.measures if one.name == name) for name in names}
+    return {
+        name: scale(candidate for card in cards for candidate in card.measures if candidate.name == name)
+        for name in names
+    }
 
 
 def draw(measure: Measure, axis: Scale, colour: str) -> Markup:

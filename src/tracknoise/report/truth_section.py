@@ -112,11 +112,11 @@ _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors
 
 def verdicts(data: ReportData) -> list[str]:
     """Sentences: the verdict, what it changed in that of a check, what the audit found, and what is stated."""
-    found = [] if data.truth_is_fitted else _floor(data)
+    floor = [] if data.truth_is_fitted else _floor(data)
     change = truth_change(data.run, data["trust"])
     truth = TruthVerdict.of(data["trust"])
-    said = filter(None, [truth.sentence, truth.stated, change])
-    return [*said, *audit_sentences(data["audit"]), *found]
+    sentences = filter(None, [truth.sentence, truth.stated, change])
+    return [*sentences, *audit_sentences(data["audit"]), *floor]
 
 
 def corrections(data: ReportData) -> str | None:
@@ -127,9 +127,9 @@ def corrections(data: ReportData) -> str | None:
 def tables(data: ReportData) -> list[Cells]:
     """The audit: each parameter alone, and the faults that were found; then what the verdict rests on."""
     shown = data["audit"].filter(pl.col("family").is_in(_SHOWN))
-    found = [] if shown.is_empty() else [parameter_cells(shown)]
+    parameters = [] if shown.is_empty() else [parameter_cells(shown)]
     causes = cause_cells(data["trust"])
-    return [*found, causes] if causes.rows else found
+    return [*parameters, causes] if causes.rows else parameters
 
 
 def _floor(data: ReportData) -> list[str]:
@@ -138,13 +138,13 @@ def _floor(data: ReportData) -> list[str]:
     )
     if points.is_empty():
         return []
-    known = points.drop_nulls(["floor_u", "floor_v"])
-    if known.is_empty():
+    with_floor = points.drop_nulls(["floor_u", "floor_v"])
+    if with_floor.is_empty():
         return [_UNSTATED]
-    if known.select(pl.max_horizontal("floor_u", "floor_v").max()).item() == 0.0:
+    if with_floor.select(pl.max_horizontal("floor_u", "floor_v").max()).item() == 0.0:
         return [_EXACT]
     of_trackers = [
-        _of_tracker(known.filter(tracker=tracker).sort("since"), tracker, data.axis) for tracker in data.trackers
+        _of_tracker(with_floor.filter(tracker=tracker).sort("since"), tracker, data.axis) for tracker in data.trackers
     ]
     return [sentence for sentence in of_trackers if sentence]
 

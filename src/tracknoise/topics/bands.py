@@ -79,11 +79,11 @@ def with_bounds(curves: pl.DataFrame, intervals: pl.DataFrame) -> pl.DataFrame:
     chosen = intervals if aspect else intervals.filter(aspect="all")
     chosen = chosen.filter(pl.col("axis").is_in(["age", "frame"])).with_columns(pl.col("axis", "at").cast(pl.String))
     table = curves.with_columns(axis_=pl.col("axis").cast(pl.String), at_=pl.col("at").cast(pl.String))
-    left = [*aspect, *POOLED, *_CURVE[:-2], "axis_", "at_"]
+    left_keys = [*aspect, *POOLED, *_CURVE[:-2], "axis_", "at_"]
     bounds = side_by_side(chosen, keys)
-    return table.join(bounds, left_on=left, right_on=keys, how="left", maintain_order="left", nulls_equal=True).drop(
-        "axis_", "at_"
-    )
+    return table.join(
+        bounds, left_on=left_keys, right_on=keys, how="left", maintain_order="left", nulls_equal=True
+    ).drop("axis_", "at_")
 
 
 def side_by_side(intervals: pl.DataFrame, keys: Sequence[str]) -> pl.DataFrame:
@@ -102,10 +102,10 @@ def of_scalar(table: pl.DataFrame, intervals: pl.DataFrame, statistic: str) -> p
     Where `table` has a column lifetime, the number is the one at that lifetime.
     """
     along = ["lifetime"] if "lifetime" in table.columns else []
-    found = intervals.filter(aspect="all", statistic=statistic).drop_nulls(["low", "high"])
+    bounds = intervals.filter(aspect="all", statistic=statistic).drop_nulls(["low", "high"])
     kinds = {"low": "low", "high": "high", "level": "level", "resampled": "resampled", "n_resampled": "n_scenes"}
-    found = found.select(*POOLED, *(pl.col("at").cast(pl.UInt32).alias(name) for name in along), **kinds)
-    return table.join(found, on=[*POOLED, *along], how="left", maintain_order="left")
+    bounds = bounds.select(*POOLED, *(pl.col("at").cast(pl.UInt32).alias(name) for name in along), **kinds)
+    return table.join(bounds, on=[*POOLED, *along], how="left", maintain_order="left")
 
 
 def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
@@ -126,8 +126,8 @@ def upright_bounds(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:
 
 def interval_texts(rows: pl.DataFrame, n_scenes: str) -> list[str]:
     """How intervals were made, each kind once. `rows`: columns level, resampled and the one named `n_scenes`."""
-    known = rows.drop_nulls(["level", "resampled", n_scenes])
-    kinds = known.group_by("level", "resampled").agg(pl.col(n_scenes).unique()).sort("level", "resampled")
+    bounded = rows.drop_nulls(["level", "resampled", n_scenes])
+    kinds = bounded.group_by("level", "resampled").agg(pl.col(n_scenes).unique()).sort("level", "resampled")
     return [interval_text(*row) for row in kinds.iter_rows()]
 
 
@@ -143,11 +143,11 @@ def describe_intervals(
 
     `points`: columns `KIND`; the count of scenes may have another name.
     """
-    known = points.drop_nulls(["level", "resampled", n_scenes])
-    kinds = listing(interval_texts(known, n_scenes))
+    bounded = points.drop_nulls(["level", "resampled", n_scenes])
+    kinds = listing(interval_texts(bounded, n_scenes))
     if not kinds:
         return f"No intervals were computed for {of}."
-    which = "Those from blocks" if known["resampled"].n_unique() > 1 else "They"
-    only = f" {which} hold only for the scenes of this run." if "blocks" in known["resampled"] else ""
-    within = " Those within groups hold only for these groups of scenes." if "within" in known["resampled"] else ""
+    subject = "Those from blocks" if bounded["resampled"].n_unique() > 1 else "They"
+    only = f" {subject} hold only for the scenes of this run." if "blocks" in bounded["resampled"] else ""
+    within = " Those within groups hold only for these groups of scenes." if "within" in bounded["resampled"] else ""
     return f"{marks} {of}: {kinds}.{only}{within}"

@@ -56,32 +56,32 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
         return None
     verdict = Estimate.verdict(overall, "effect_px")
     mean = f"the mean {trimmed_word(conditions)}error of {tracker}"
-    there = None if summary is None or summary["at"] is None else first(rows.filter(at=summary["at"]))
-    if there is None or summary is None:
+    row = None if summary is None or summary["at"] is None else first(rows.filter(at=summary["at"]))
+    if row is None or summary is None:
         return Part(_at_all_ages(mean, overall), [verdict])
-    covers = bias_covers(summary, there)
-    withheld = withheld_bias(tracker, conditions.opening_place(there["at"]), covers)
-    withheld = withheld or audited_bias(tables, conditions, tracker, there["at"])
-    if withheld is not None and Verdict.yes in (verdict_at(there), overall["verdict"]):
+    covers = bias_covers(summary, row)
+    withheld = withheld_bias(tracker, conditions.opening_place(row["at"]), covers)
+    withheld = withheld or audited_bias(tables, conditions, tracker, row["at"])
+    if withheld is not None and Verdict.yes in (verdict_at(row), overall["verdict"]):
         return Part(withheld, [verdict])
-    means = _means(tables, conditions, tracker, there, conditions.trimmings[0])
-    length = [] if there["effect_low_px"] is None else [_length(there)]
-    sentences = _at_one_age(mean, conditions, there, length, means)
-    sentences += [_wider_claim(conditions, there, overall)]
+    means = _means(tables, conditions, tracker, row, conditions.trimmings[0])
+    length = [] if row["effect_low_px"] is None else [_length(row)]
+    sentences = _at_one_age(mean, conditions, row, length, means)
+    sentences += [_wider_claim(conditions, row, overall)]
     intervals = conditions.of(tables["intervals"], tracker)
-    sentences += [curve_scenes(intervals, conditions, "mean", there["at"], "u", weighting=Weighting.scenes, of="In u")]
-    if there["share_of_second"] is not None:
-        share = percent(there["share_of_second"])
+    sentences += [curve_scenes(intervals, conditions, "mean", row["at"], "u", weighting=Weighting.scenes, of="In u")]
+    if row["share_of_second"] is not None:
+        share = percent(row["share_of_second"])
         sentences += [f"The square of the mean is {share} of the mean square error, u and v together."]
     sentences += [covered_coordinates(covers)]
-    untrimmed = _untrimmed_means(tables, conditions, tracker, there["at"])
+    untrimmed = _untrimmed_means(tables, conditions, tracker, row["at"])
     sentences += _in_each(untrimmed, "Without trimming, the mean in u is")
     return Part(joined(sentences), [*length, *means, *untrimmed, verdict])
 
 
 def _in_each(means: Sequence[Estimate], opening: str = "In u the mean is") -> list[str]:
     """A sentence for each coordinate; none where a mean is unknown."""
-    return each_axis([format_estimate(one) for one in means], opening) if len(means) == 2 else []
+    return each_axis([format_estimate(mean) for mean in means], opening) if len(means) == 2 else []
 
 
 def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> list[Estimate]:
@@ -89,8 +89,8 @@ def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker:
     if conditions.percentile is None or conditions.trimming == Trimming.untrimmed:
         return []
     rows = conditions.of(tables["zero_mean"], tracker)
-    there = first(rows.filter(trimming=Trimming.untrimmed, axis=conditions.axis, at=at))
-    return [] if there is None else _means(tables, conditions, tracker, there, Trimming.untrimmed)
+    row = first(rows.filter(trimming=Trimming.untrimmed, axis=conditions.axis, at=at))
+    return [] if row is None else _means(tables, conditions, tracker, row, Trimming.untrimmed)
 
 
 def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
@@ -102,85 +102,85 @@ def _at_all_ages(mean: str, overall: Mapping[str, Any]) -> str:
     return because(f"It is undecided whether {mean} is zero{test}", overall["why"] if p is None else "")
 
 
-def _length(there: Mapping[str, Any]) -> Estimate:
+def _length(row: Mapping[str, Any]) -> Estimate:
     """Length of the mean error at one age, with the bounds of the test."""
-    return Estimate.of_row(there, "effect_px", "effect_low_px", "effect_high_px", "px")
+    return Estimate.of_row(row, "effect_px", "effect_low_px", "effect_high_px", "px")
 
 
 def _at_one_age(
     mean: str,
     conditions: ReportedConditions,
-    there: Mapping[str, Any],
+    row: Mapping[str, Any],
     length: Sequence[Estimate],
     means: Sequence[Estimate],
 ) -> list[str]:
     """The verdict at one age alone, with the length of the mean, whose interval agrees with it, and its parts."""
-    p = there["sign_flip_p"]
+    p = row["sign_flip_p"]
     if p is None:
         sizes = _in_each(means, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
-        where = f"That is {conditions.place(there['at'])}."
-        return [*sizes, where, because("Whether it is zero in other scenes was not tested", there["why"])]
-    test = f"({chance(p)}, {count(there['n_scenes'], 'scene')})"
-    is_zero = f"{mean} is not zero" if verdict_at(there) == Verdict.yes else f"it is undecided whether {mean} is zero"
-    lengths = [f"Its length is {format_estimate(one)}." for one in length]
-    return [f"{conditions.opening_place(there['at'])}, {is_zero} {test}.", *lengths, *_in_each(means)]
+        where = f"That is {conditions.place(row['at'])}."
+        return [*sizes, where, because("Whether it is zero in other scenes was not tested", row["why"])]
+    test = f"({chance(p)}, {count(row['n_scenes'], 'scene')})"
+    is_zero = f"{mean} is not zero" if verdict_at(row) == Verdict.yes else f"it is undecided whether {mean} is zero"
+    lengths = [f"Its length is {format_estimate(estimate)}." for estimate in length]
+    return [f"{conditions.opening_place(row['at'])}, {is_zero} {test}.", *lengths, *_in_each(means)]
 
 
-def _wider_claim(conditions: ReportedConditions, there: Mapping[str, Any], overall: Mapping[str, Any]) -> str:
+def _wider_claim(conditions: ReportedConditions, row: Mapping[str, Any], overall: Mapping[str, Any]) -> str:
     """What the test of all ages and conditions together says; empty where there is none."""
     p = overall["sign_flip_p_family"]
     if p is None:
         return ""
     if overall["verdict"] == Verdict.yes:
-        found = "it is not zero"
+        claim = "it is not zero"
     else:
-        found = "this is not established" if verdict_at(there) == Verdict.yes else "this is undecided too"
-    return f"Over all {conditions.axis}s and conditions together {found} ({chance(p)})."
+        claim = "this is not established" if verdict_at(row) == Verdict.yes else "this is undecided too"
+    return f"Over all {conditions.axis}s and conditions together {claim} ({chance(p)})."
 
 
 def _means(
     tables: RunTables, conditions: ReportedConditions, tracker: str, row: Mapping[str, Any], trimming: Trimming
 ) -> list[Estimate]:
     """Mean errors in u and in v: with the bounds of the test, or where there is none those of these scenes."""
-    found = []
+    means = []
     intervals, scenes = conditions.of(tables["intervals"], tracker), Weighting.scenes
     for coordinate in "uv":
         name = f"mean_{coordinate}"
         value = row[f"{name}_px"]
-        one = Estimate.of_row(row, f"{name}_px", f"{name}_low_px", f"{name}_high_px", "px")
+        mean = Estimate.of_row(row, f"{name}_px", f"{name}_low_px", f"{name}_high_px", "px")
         if row["sign_flip_p"] is None:
             rows = curve_rows(intervals, conditions, "mean", row["at"], coordinate, trimming=trimming, weighting=scenes)
-            one = Estimate.of(value, curve_estimate(rows), "px")
-        found += [] if value is None else [one]
-    return found
+            mean = Estimate.of(value, curve_estimate(rows), "px")
+        means += [] if value is None else [mean]
+    return means
 
 
 def bias_measure(subject: Subject) -> Measure | None:
     """Length of the mean error at the reference age, and whether it is zero there, u and v together."""
     rows = subject.of("zero_mean").filter(trimming=subject.conditions.trimming, axis=subject.conditions.axis)
-    overall, there = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
-    if overall is None or there is None or subject.at is None or subject.row is None or there["effect_px"] is None:
+    overall, row = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
+    if overall is None or row is None or subject.at is None or subject.row is None or row["effect_px"] is None:
         return None
-    shown = card_number(_length(there))
-    covered = _is_covered(subject, there)
-    verdict = Verdict.undecided if covered else verdict_at(there)
+    shown = card_number(_length(row))
+    covered = _is_covered(subject, row)
+    verdict = Verdict.undecided if covered else verdict_at(row)
     place = subject.conditions.place(subject.at)
-    means = listing(f"{px(there[f'mean_{axis}_px'])} in {axis}" for axis in "uv")
+    means = listing(f"{px(row[f'mean_{axis}_px'])} in {axis}" for axis in "uv")
     notes = [f"length of the mean error {place}: {means}"]
     notes += ["errors of the truth can cause it"] if covered else []
-    why = str(there["why"] or "").partition(";")[0]
-    notes += [f"not tested: {why}"] if there["sign_flip_p"] is None and why else []
+    why = str(row["why"] or "").partition(";")[0]
+    notes += [f"not tested: {why}"] if row["sign_flip_p"] is None and why else []
     wider = "" if covered else _wider(subject, verdict, overall)
     notes += [wider] if wider else []
-    sentence = _bias_sentence(subject, there, verdict, shown, covered=covered, wider=wider)
-    found = answer("biased", verdict, wished=Verdict.no)
-    return Measure("bias", "px", shown, 0.0, found, "; ".join(notes), sentence, "error-by-tracker")
+    sentence = _bias_sentence(subject, row, verdict, shown, covered=covered, wider=wider)
+    answered = answer("biased", verdict, wished=Verdict.no)
+    return Measure("bias", "px", shown, 0.0, answered, "; ".join(notes), sentence, "error-by-tracker")
 
 
-def _is_covered(subject: Subject, there: Mapping[str, Any]) -> bool:
+def _is_covered(subject: Subject, row: Mapping[str, Any]) -> bool:
     """Whether errors of the truth can cause the mean error at the reference age."""
-    conditions, tracker, at = subject.conditions, subject.tracker, there["at"]
-    covers = bias_covers(subject.row or {}, there)
+    conditions, tracker, at = subject.conditions, subject.tracker, row["at"]
+    covers = bias_covers(subject.row or {}, row)
     curves = {"audit_curves": subject.data["audit_curves"]}
     return (withheld_bias(tracker, "", covers) or audited_bias(curves, conditions, tracker, at)) is not None
 
@@ -191,23 +191,23 @@ def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> st
     if p is None or overall["verdict"] == verdict:
         return ""
     where = f"over all {subject.conditions.axis}s and conditions together"
-    found = "the mean is not zero" if overall["verdict"] == Verdict.yes else "this is not established"
-    return f"{where} {found} ({chance(p)})"
+    claim = "the mean is not zero" if overall["verdict"] == Verdict.yes else "this is not established"
+    return f"{where} {claim} ({chance(p)})"
 
 
 def _bias_sentence(
-    subject: Subject, there: Mapping[str, Any], verdict: Verdict, shown: Number, *, covered: bool, wider: str
+    subject: Subject, row: Mapping[str, Any], verdict: Verdict, shown: Number, *, covered: bool, wider: str
 ) -> str:
     """The verdict at the reference age with the length of the mean; why it is undecided where zero is excluded."""
-    tracker, place = subject.tracker, subject.conditions.place(there["at"])
+    tracker, place = subject.tracker, subject.conditions.place(row["at"])
     size = f"its mean error is {with_interval(shown)}"
-    if there["sign_flip_p"] is None:
-        rest = "errors of the truth can cause it" if covered else "a bias in other scenes was not tested"
-        return f"The mean error of {tracker} is {shown.text} {place}; {rest}."
+    if row["sign_flip_p"] is None:
+        caveat = "errors of the truth can cause it" if covered else "a bias in other scenes was not tested"
+        return f"The mean error of {tracker} is {shown.text} {place}; {caveat}."
     if covered:
         return f"No bias of {tracker} is established; {size}, which errors of the truth can cause."
     if wider and verdict == Verdict.yes:
-        return f"{subject.conditions.opening_place(there['at'])}, {tracker} is biased by {shown.text}; {wider}."
+        return f"{subject.conditions.opening_place(row['at'])}, {tracker} is biased by {shown.text}; {wider}."
     if wider:
         return f"{sentence_case(place)} alone no bias of {tracker} is shown; {wider}."
     opening = f"{tracker} is biased" if verdict == Verdict.yes else f"No bias of {tracker} is established"
@@ -215,14 +215,14 @@ def _bias_sentence(
 
 
 def _zero_means(inputs: RunInputs) -> list[pl.DataFrame]:
-    found = zero_mean(
+    table = zero_mean(
         inputs.moments,
         inputs[CURVES],
         groups=inputs.sampling.groups,
         key_frames=inputs.key_frames,
         population=inputs.population,
     )
-    return [found]
+    return [table]
 
 
 BIAS = Topic(

@@ -42,9 +42,9 @@ def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline |
     )
 
 
-def _part(own: pl.DataFrame, tracker: str, most: str) -> Part | None:
+def _part(table: pl.DataFrame, tracker: str, most: str) -> Part | None:
     """What is said about a tracker; `most` is said before a factor that errors of the truth may have made larger."""
-    judged = [(_called(tracker, name), rows) for name, rows in _by_name(own).items()]
+    judged = [(_called(tracker, name), rows) for name, rows in _by_name(table).items()]
     if not judged:
         return None
     texts = [" ".join(_sentences(called, rows, most)) for called, rows in judged]
@@ -57,12 +57,12 @@ def _part(own: pl.DataFrame, tracker: str, most: str) -> Part | None:
     return Part(" ".join(texts), estimates, _in_short(*judged[0]))
 
 
-def _by_name(own: pl.DataFrame) -> dict[str, Rows]:
+def _by_name(table: pl.DataFrame) -> dict[str, Rows]:
     """Rows of each covariance of a tracker that has enough errors, by its name."""
-    found: dict[str, dict[str, dict[str, Any]]] = {}
-    for row in own.to_dicts():
-        found.setdefault(row["covariance"], {})[row["quantity"]] = row
-    return {name: rows for name, rows in found.items() if "nees" in rows and rows["nees"]["n"] >= _LEAST}
+    by_name: dict[str, dict[str, dict[str, Any]]] = {}
+    for row in table.to_dicts():
+        by_name.setdefault(row["covariance"], {})[row["quantity"]] = row
+    return {name: rows for name, rows in by_name.items() if "nees" in rows and rows["nees"]["n"] >= _LEAST}
 
 
 def _called(tracker: str, name: str) -> str:
@@ -115,8 +115,8 @@ def _shape(rows: Rows) -> list[str]:
         return ["Their shape is right."]
     if verdict == Verdict.undecided or worst is None:
         return ["Whether their shape is right is undecided."]
-    found = Estimate.of_row(rows["shape"], "value", "low", "high")
-    larger = f"Whitened errors are {format_estimate(found)} times as large {_AXES[worst]} as across"
+    ratio = Estimate.of_row(rows["shape"], "value", "low", "high")
+    larger = f"Whitened errors are {format_estimate(ratio)} times as large {_AXES[worst]} as across"
     return ["Their shape is wrong.", f"{larger}."]
 
 
@@ -134,13 +134,13 @@ def _ranking(rows: Rows) -> list[str]:
     """Whether larger covariances are of larger errors."""
     if "ranking" not in rows:
         return []
-    found = Estimate.of_row(rows["ranking"], "value", "low", "high")
+    estimate = Estimate.of_row(rows["ranking"], "value", "low", "high")
     verdict = rows["ranking"]["verdict"]
     if verdict == Verdict.undecided:
         return ["Whether they tell which errors are large is undecided."]
-    if found.low is None:
+    if estimate.low is None:
         return ["They do not tell which errors are large: all have one size."]
-    ratio = f"those predicted as large are {format_estimate(found)} times the others"
+    ratio = f"those predicted as large are {format_estimate(estimate)} times the others"
     return [f"They{'' if verdict == Verdict.yes else ' do not'} tell which errors are large: {ratio}."]
 
 
@@ -149,11 +149,11 @@ def _use(rows: Rows) -> list[str]:
     if "gain" not in rows:
         return []
     gain = Estimate.of_row(rows["gain"], "value", "low", "high")
-    written = format_as(gain, thousandths, unit=f"{SPACE}nat")
+    gain_text = format_as(gain, thousandths, unit=f"{SPACE}nat")
     if rows["gain"]["verdict"] == Verdict.yes:
-        return [f"Scaled, they gain {written} per error over one sigma."]
+        return [f"Scaled, they gain {gain_text} per error over one sigma."]
     if rows["gain"]["verdict"] == Verdict.no:
-        return [f"One sigma for all is better: scaled, they gain {written}." if _is_worse(gain) else _AS_GOOD]
+        return [f"One sigma for all is better: scaled, they gain {gain_text}." if _is_worse(gain) else _AS_GOOD]
     return ["Whether one sigma for all is as good is undecided."]
 
 
@@ -191,24 +191,24 @@ def own_covariances(data: RunData) -> pl.DataFrame:
 
 def covariance_sentence(data: RunData, tracker: str) -> str:
     """The same in one sentence, of the first covariance of a tracker; empty where it predicts none."""
-    own = own_covariances(data).filter(pl.col("at").is_null(), tracker=tracker)
-    judged = [_in_short(_called(tracker, name), rows) for name, rows in _by_name(own).items()]
+    table = own_covariances(data).filter(pl.col("at").is_null(), tracker=tracker)
+    judged = [_in_short(_called(tracker, name), rows) for name, rows in _by_name(table).items()]
     return judged[0] if judged else ""
 
 
 def covariance_message(data: RunData) -> str:
     """The first verdict that is decided, in a few words; empty where none is."""
-    own = own_covariances(data).filter(pl.col("at").is_null())
+    table = own_covariances(data).filter(pl.col("at").is_null())
     for tracker in data.trackers:
-        for name, rows in _by_name(own.filter(tracker=tracker)).items():
+        for name, rows in _by_name(table.filter(tracker=tracker)).items():
             if rows["nees"]["verdict"] != Verdict.undecided:
                 return f"{_judged(_called(tracker, name), rows['nees'])}: {_held(rows, 95)}"
     return ""
 
 
 def _allowing_for_truth(inputs: RunInputs) -> list[pl.DataFrame]:
-    found = own_covariance_table(inputs.run.stored_tables("covariance_sums"), inputs.sampling)
-    return [allowing_for_truth(found, inputs[TRUST])]
+    table = own_covariance_table(inputs.run.stored_tables("covariance_sums"), inputs.sampling)
+    return [allowing_for_truth(table, inputs[TRUST])]
 
 
 COVARIANCES = Topic(

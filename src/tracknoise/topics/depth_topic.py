@@ -38,8 +38,8 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
 def _at_shared_window(enough: pl.DataFrame, shares: pl.DataFrame) -> pl.DataFrame:
     """Rows of `shares` at the longest window of those at which most trackers have a row in `enough`, as these have."""
     near = enough.filter(pl.col("window") <= LONGEST_WINDOW)
-    there = near.join(shared_places(near, [], "window"), on="window", how="semi").select("tracker", "window").unique()
-    return shares.join(there, on=["tracker", "window"], how="semi", maintain_order="left")
+    shared = near.join(shared_places(near, [], "window"), on="window", how="semi").select("tracker", "window").unique()
+    return shares.join(shared, on=["tracker", "window"], how="semi", maintain_order="left")
 
 
 def _length(shown: pl.DataFrame) -> str:
@@ -47,19 +47,19 @@ def _length(shown: pl.DataFrame) -> str:
     return f" Windows have {shown['window'][0]} frames." if shown.height else ""
 
 
-def _depths_of(own: pl.DataFrame, tracker: str) -> Part | None:
-    if own.is_empty():
+def _depths_of(table: pl.DataFrame, tracker: str) -> Part | None:
+    if table.is_empty():
         return None
-    rows = {row["covariance"]: row for row in own.to_dicts()}
-    found = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
-    sentences = [f"{tracker}: with the residual core they hold {_share(found[_RESIDUAL])} of the true depths."]
-    if _CONSISTENT in found:
-        held = found[_CONSISTENT]
-        sentences.append(f"With the sigma for depths they hold {_share(held)}.")
-        sentences += [f"They are still too narrow for 95{SPACE}%."] if held.below(_CLAIMED) else []
-    if _WHOLE in found:
-        sentences.append(f"With the covariance of whole tracks they hold {_share(found[_WHOLE])}.")
-    stated = [found[name] for name in (_RESIDUAL, _CONSISTENT, _WHOLE) if name in found]
+    rows = {row["covariance"]: row for row in table.to_dicts()}
+    shares = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
+    sentences = [f"{tracker}: with the residual core they hold {_share(shares[_RESIDUAL])} of the true depths."]
+    if _CONSISTENT in shares:
+        share = shares[_CONSISTENT]
+        sentences.append(f"With the sigma for depths they hold {_share(share)}.")
+        sentences += [f"They are still too narrow for 95{SPACE}%."] if share.below(_CLAIMED) else []
+    if _WHOLE in shares:
+        sentences.append(f"With the covariance of whole tracks they hold {_share(shares[_WHOLE])}.")
+    stated = [shares[name] for name in (_RESIDUAL, _CONSISTENT, _WHOLE) if name in shares]
     return Part(" ".join(sentences), stated)
 
 
@@ -88,10 +88,10 @@ def depth_shares(data: RunData) -> pl.DataFrame:
 def depth_sentence(data: RunData, tracker: str) -> str:
     """What 95 % intervals of depths hold with the residual core and with the consistent sigma; empty if unknown."""
     rows = depth_shares(data).filter(tracker=tracker, at=95)
-    held = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
-    if not {"residual sigma", "consistent sigma"} <= set(held):
+    shares = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
+    if not {"residual sigma", "consistent sigma"} <= set(shares):
         return ""
-    residual, consistent = held["residual sigma"], held["consistent sigma"]
+    residual, consistent = shares["residual sigma"], shares["consistent sigma"]
     return (
         f"{tracker}: with the residual core, a 95{SPACE}% depth interval holds {residual} of true depths; with "
         f"the sigma for depths, {consistent}."

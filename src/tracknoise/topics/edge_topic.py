@@ -46,9 +46,9 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
     if bounded.is_empty():
         return None
     at = int(bounded["at"].sort()[-1])
-    found = {name: _rows(sides.filter(at=at, coordinate=name)) for name in IN}
-    coordinate = max(found, key=lambda name: abs(_mean_of_all(found[name])))
-    rows = found[coordinate]
+    by_coordinate = {name: _rows(sides.filter(at=at, coordinate=name)) for name in IN}
+    coordinate = max(by_coordinate, key=lambda name: abs(_mean_of_all(by_coordinate[name])))
+    rows = by_coordinate[coordinate]
     differing = [side for side in _SIDES if _differs(rows, side)]
     if not differing:
         return None
@@ -88,10 +88,10 @@ def _differs(rows: Mapping[tuple[str, str], Mapping[str, Any]], side: str) -> bo
     """Whether the interval of the mean on a side excludes both zero and the interval of all features elsewhere."""
     if (side, "mean") not in rows or (EdgeSide.none, "mean") not in rows:
         return False
-    there, elsewhere = _estimate(rows[side, "mean"]), _estimate(rows[EdgeSide.none, "mean"])
+    on_side, elsewhere = _estimate(rows[side, "mean"]), _estimate(rows[EdgeSide.none, "mean"])
     if elsewhere.low is None or elsewhere.high is None:
         return False
-    return there.above(max(0.0, elsewhere.high)) or there.below(min(0.0, elsewhere.low))
+    return on_side.above(max(0.0, elsewhere.high)) or on_side.below(min(0.0, elsewhere.low))
 
 
 def _shares(rows: Mapping[tuple[str, str], Mapping[str, Any]], side: EdgeSide) -> list[str]:
@@ -103,8 +103,10 @@ def _shares(rows: Mapping[tuple[str, str], Mapping[str, Any]], side: EdgeSide) -
     if not _estimate(of_mean).above(_MOST):
         return []
     numbers = f"They are {percent(share['value'])} of the features, with {percent(of_mean['value'])} of the mean."
-    left = f"The mean of all features is {px(_mean_of_all(rows))}; without {_SIDES[side]} it is {px(without['value'])}."
-    return [f"Most of the drift is features on {_SIDES[side]} of depth edges.", numbers, left]
+    means = (
+        f"The mean of all features is {px(_mean_of_all(rows))}; without {_SIDES[side]} it is {px(without['value'])}."
+    )
+    return [f"Most of the drift is features on {_SIDES[side]} of depth edges.", numbers, means]
 
 
 def _removed(rows: Mapping[tuple[str, str], Mapping[str, Any]]) -> list[str]:

@@ -83,9 +83,9 @@ def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str, 
     sentences, covered = _growth_withheld(tables, conditions, tracker, rows)
     estimates: list[Estimate] = []
     for row in rows.filter(~pl.col("coordinate").is_in(covered)).sort("coordinate").to_dicts():
-        text, found = _grown(row, f"This is {_from_to(conditions, row)}." if names_ages else "")
+        text, row_estimates = _grown(row, f"This is {_from_to(conditions, row)}." if names_ages else "")
         sentences = [text, *sentences] if row["coordinate"] == "u" else [*sentences, text]
-        estimates += found
+        estimates += row_estimates
     estimates += [Estimate.verdict(row, "growth") for row in rows.sort("coordinate").to_dicts()]
     return Part(" ".join(sentences), estimates) if sentences else None
 
@@ -129,10 +129,10 @@ def growth_ratio(row: Mapping[str, Any]) -> Estimate | None:
 
     Unknown it is too where the interval spans three orders of magnitude, from a fall to a rise.
     """
-    found = Estimate.of_row(row, "growth_ratio", "growth_ratio_low", "growth_ratio_high")
-    low, high = found.low, found.high
+    factor = Estimate.of_row(row, "growth_ratio", "growth_ratio_low", "growth_ratio_high")
+    low, high = factor.low, factor.high
     is_open = low is not None and high is not None and low < _NO_GROWTH < high and low * _MOST_SPAN < high
-    return None if found.value is None or is_open else found
+    return None if factor.value is None or is_open else factor
 
 
 def _grows(row: Mapping[str, Any]) -> Verdict:
@@ -151,8 +151,8 @@ def _growth_withheld(
     covers = {axis: growth_cover(tables, conditions, tracker, axis, summary["at"]) for axis in growing}
     covered = [axis for axis, cover in covers.items() if cover is not None and cover.is_covered]
     by_floor = withheld_growth(tracker, conditions.place(summary["at"]), covers)
-    rest = [axis for axis in growing if axis not in covered]
-    audited = {axis: audited_rise(tables, conditions, tracker, axis, summary["at"]) for axis in rest}
+    uncovered = [axis for axis in growing if axis not in covered]
+    audited = {axis: audited_rise(tables, conditions, tracker, axis, summary["at"]) for axis in uncovered}
     by_audit = {axis: sentence for axis, sentence in audited.items() if sentence is not None}
     return [*([] if by_floor is None else [by_floor]), *by_audit.values()], [*covered, *by_audit]
 
@@ -176,23 +176,23 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
 def growth_message(data: RunData) -> str:
     """The error that grows most, where growth is established; empty where it is not."""
     conditions = reported_conditions(data, data.slowest)
-    found = []
+    messages = []
     for row in _fits(data).to_dicts():
         value = row["growth_ratio"]
         if value is not None and growth_verdict(data, conditions, row, row["growth_to"]) == Verdict.yes:
             subject = f"The RMS error of {row['tracker']} in {row['coordinate']}"
-            found.append((value, f"{subject} grows {ratio(value)} times {_up_to(conditions, row)}"))
-    return max(found)[1] if found else ""
+            messages.append((value, f"{subject} grows {ratio(value)} times {_up_to(conditions, row)}"))
+    return max(messages)[1] if messages else ""
 
 
 def behaviour(data: RunData, tracker: str) -> str | None:
     """How the error of a tracker grows, where this is established and the same in u and in v; otherwise None."""
     rows = _fits(data).filter(tracker=tracker).to_dicts()
     conditions = reported_conditions(data, data.slowest)
-    found = {(row["verdict"], growth_verdict(data, conditions, row, row["growth_to"])) for row in rows}
-    if len(rows) < 2 or len(found) > 1:
+    behaviours = {(row["verdict"], growth_verdict(data, conditions, row, row["growth_to"])) for row in rows}
+    if len(rows) < 2 or len(behaviours) > 1:
         return None
-    kind, verdict = found.pop()
+    kind, verdict = behaviours.pop()
     return str(kind) if kind in _KNOWN and verdict != Verdict.undecided else None
 
 
@@ -208,12 +208,12 @@ def growth_measure(subject: Subject) -> Measure | None:
     """RMS at the reference age over that at the first, in the coordinate of the run, and how errors grow."""
     rows = subject.of("time_structure").filter(trimming=subject.conditions.trimming).sort("coordinate").to_dicts()
     axis = shown_size(subject.data)[1]
-    row = next((one for one in rows if one["coordinate"] == axis), None)
-    found = None if row is None else growth_ratio(row)
-    if row is None or found is None:
+    row = next((fit for fit in rows if fit["coordinate"] == axis), None)
+    factor = None if row is None else growth_ratio(row)
+    if row is None or factor is None:
         return None
     verdict = growth_verdict(subject.data, subject.conditions, row, subject.at)
-    shown, errors = card_number(replace(found, unit="times")), f"errors of {subject.tracker}"
+    shown, errors = card_number(replace(factor, unit="times")), f"errors of {subject.tracker}"
     note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows)}"
     change = f"their RMS in {axis} becomes {with_interval(shown)} as large"
     sentence = {
@@ -247,12 +247,12 @@ def _up_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
 
 
 def _kinds(rows: list[dict[str, Any]]) -> str:
-    named: dict[str, list[str]] = {}
+    axes_of_kind: dict[str, list[str]] = {}
     for row in rows:
-        named.setdefault(kind_of_growth(row), []).append(row["coordinate"])
-    if len(named) == 1:
-        return next(iter(named))
-    return ", ".join(f"{name} in {listing(axes)}" for name, axes in named.items())
+        axes_of_kind.setdefault(kind_of_growth(row), []).append(row["coordinate"])
+    if len(axes_of_kind) == 1:
+        return next(iter(axes_of_kind))
+    return ", ".join(f"{kind} in {listing(axes)}" for kind, axes in axes_of_kind.items())
 
 
 def _aspect_curves(inputs: RunInputs) -> list[pl.DataFrame]:
@@ -265,7 +265,7 @@ def _increments(inputs: RunInputs) -> Iterator[pl.DataFrame]:
 
 
 def _time_structure(inputs: RunInputs) -> list[pl.DataFrame]:
-    found = time_structure(
+    structure = time_structure(
         inputs.moments,
         (lagged(table, inputs.few) for table in _increments(inputs)),
         blocks=inputs.blocks,
@@ -276,7 +276,7 @@ def _time_structure(inputs: RunInputs) -> list[pl.DataFrame]:
         min_features=inputs.min_features,
         **inputs.intervals,
     )
-    return [found]
+    return [structure]
 
 
 GROWTH = Topic(

@@ -114,7 +114,7 @@ class TrackerPart:
 
 def ids_of(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     """Ids of the rows of results that numbers come from."""
-    return tuple(dict.fromkeys(one.id for one in estimates if one.id is not None))
+    return tuple(dict.fromkeys(estimate.id for estimate in estimates if estimate.id is not None))
 
 
 def by_tracker(
@@ -152,15 +152,17 @@ def by_tracker(
 
 def brief_of(parts: Iterable[Part]) -> str:
     """The short sentence of the part that has the leading number, or of the first where none has numbers; or empty."""
-    known = [part for part in parts if part.brief]
-    number = leading([estimate for part in known for estimate in part.estimates])
-    leaders = (part for part in known if number is None or any(one is number for one in part.estimates))
+    with_brief = [part for part in parts if part.brief]
+    number = leading([estimate for part in with_brief for estimate in part.estimates])
+    leaders = (
+        part for part in with_brief if number is None or any(part_number is number for part_number in part.estimates)
+    )
     return next((part.brief for part in leaders), "")
 
 
 def leading(estimates: Sequence[Estimate]) -> Estimate | None:
     """The first number that has an interval, or else the first."""
-    return next((one for one in estimates if one.low is not None), estimates[0] if estimates else None)
+    return next((estimate for estimate in estimates if estimate.low is not None), estimates[0] if estimates else None)
 
 
 def in_brackets(rows: pl.DataFrame) -> str:
@@ -215,7 +217,7 @@ class ReportedConditions:
         """Trimmings that are reported, that of the verdicts first."""
         if self.percentile is None:
             return (self.trimming,)
-        return (self.trimming, *(other for other in Trimming if other != self.trimming))
+        return (self.trimming, *(trimming for trimming in Trimming if trimming != self.trimming))
 
     def of(self, table: pl.DataFrame, tracker: str) -> pl.DataFrame:
         """Rows of a tracker's condition."""
@@ -363,14 +365,14 @@ def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "Of this
     return _scenes(intervals.filter(statistic=statistic), of, is_scale=True)
 
 
-def _scenes(found: pl.DataFrame, of: str, *, is_scale: bool) -> str:
-    known = found.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
+def _scenes(intervals: pl.DataFrame, opening: str, *, is_scale: bool) -> str:
+    rows = intervals.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
     texts = [
-        f"{of}, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
+        f"{opening}, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
         f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
-        for row in known
+        for row in rows
     ]
-    return joined([*texts, *(coverage_sentence("There", row["level"], row["coverage"]) for row in known)])
+    return joined([*texts, *(coverage_sentence("There", row["level"], row["coverage"]) for row in rows)])
 
 
 def scalar_estimate(row: Mapping[str, Any], intervals: pl.DataFrame, statistic: str, unit: str) -> Estimate:
@@ -378,9 +380,9 @@ def scalar_estimate(row: Mapping[str, Any], intervals: pl.DataFrame, statistic: 
     return Estimate.of(row[statistic], _estimate(intervals.filter(statistic=statistic)), unit)
 
 
-def _estimate(found: pl.DataFrame) -> Estimate | None:
-    known = found.drop_nulls("value").filter(pl.col("low").is_not_null() | pl.col("high").is_not_null())
-    if known.is_empty():
+def _estimate(rows: pl.DataFrame) -> Estimate | None:
+    bounded = rows.drop_nulls("value").filter(pl.col("low").is_not_null() | pl.col("high").is_not_null())
+    if bounded.is_empty():
         return None
-    row = known.row(0, named=True)
+    row = bounded.row(0, named=True)
     return Estimate.of_row(row, "value", "low", "high", row["unit"])

@@ -37,8 +37,8 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
     """
     basis = basis_of(tables["trust"], is_fitted=conditions.fitted)
     makes = [topic.headline for topic in TOPICS if topic.headline is not None and basis in topic.holds]
-    found = [headline for make in makes if (headline := make(tables, conditions))]
-    rows = [headline.row(rank) for rank, headline in enumerate(found, start=1)]
+    headlines = [headline for make in makes if (headline := make(tables, conditions))]
+    rows = [headline.row(rank) for rank, headline in enumerate(headlines, start=1)]
     return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, "findings")
 
 

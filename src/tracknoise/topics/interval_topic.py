@@ -14,7 +14,7 @@ from tracknoise.topics.topic import Analysis, Topic
 
 def _intervals(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:
     horizon = horizons(inputs[LIFETIMES])
-    found = interval_table(
+    intervals = interval_table(
         inputs.moments,
         inputs.ends,
         inputs.frames,
@@ -28,8 +28,8 @@ def _intervals(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:
         population=inputs.population,
         **inputs.intervals,
     )
-    spread = seed_spread(found, _repeats(inputs), horizons=horizon, population=inputs.population)
-    return widened(found, spread, horizons=horizon), spread
+    spread = seed_spread(intervals, _repeats(inputs), horizons=horizon, population=inputs.population)
+    return widened(intervals, spread, horizons=horizon), spread
 
 
 def _repeats(inputs: RunInputs) -> Iterator[Repeat]:

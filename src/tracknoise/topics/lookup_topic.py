@@ -69,15 +69,15 @@ def _finest_first(lookups: pl.DataFrame, product: Product) -> list[dict[str, Any
 
 def _is_worth_it(row: Mapping[str, Any], rows: list[dict[str, Any]]) -> bool:
     """Whether a table is better than one covariance for all, and than the next coarser one."""
-    return all(one["established"] is True for one in rows if one["lookup"] == row["lookup"])
+    return all(comparison["established"] is True for comparison in rows if comparison["lookup"] == row["lookup"])
 
 
 def _answer(best: Mapping[str, Any] | None, product: Product, over_one: list[dict[str, Any]]) -> str:
     if best is None:
-        known = next(row for row in over_one if row["gain_nats"] is not None)
+        first = next(row for row in over_one if row["gain_nats"] is not None)
         return (
-            f"No gain is established of separate noise by {_by(known, over_one)} over one for all. On unseen scenes it "
-            f"is {_nats(known)}, for {_WHAT[product]}."
+            f"No gain is established of separate noise by {_by(first, over_one)} over one for all. On unseen scenes it "
+            f"is {_nats(first)}, for {_WHAT[product]}."
         )
     return f"{_advice(best, over_one)} The gain is {_nats(best)} per error, for {_WHAT[product]}."
 
@@ -91,7 +91,7 @@ def _advice(best: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
 def _by(row: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
     """Names of what a table is looked up by, of what the run varies."""
     names = list(Lookup)
-    varied = {one["lookup"] for one in over_one}
+    varied = {table["lookup"] for table in over_one}
     return listing(_BY[name] for name in names[1 : names.index(row["lookup"]) + 1] if name in varied)
 
 

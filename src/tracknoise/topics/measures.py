@@ -74,8 +74,8 @@ class Subject:
         """A sentence that begins with what it holds for, where that is these scenes only."""
         if not self.limits or not sentence:
             return sentence
-        rest = sentence if sentence.startswith(self.tracker) else f"{sentence[0].lower()}{sentence[1:]}"
-        return f"{sentence_case(self.limits)}, {rest}"
+        clause = sentence if sentence.startswith(self.tracker) else f"{sentence[0].lower()}{sentence[1:]}"
+        return f"{sentence_case(self.limits)}, {clause}"
 
     @property
     def at(self) -> int | None:
@@ -85,8 +85,8 @@ class Subject:
     @property
     def shared_at(self) -> int | None:
         """The reference age or frame of the run; None where no tracker has one."""
-        found = self.conditions.reported(self.data["summary"])["at"].drop_nulls()
-        return int(found[0]) if found.len() else None
+        places = self.conditions.reported(self.data["summary"])["at"].drop_nulls()
+        return int(places[0]) if places.len() else None
 
     def of(self, table: str) -> pl.DataFrame:
         """Rows of the condition in a table of the run."""
@@ -109,9 +109,9 @@ def shown_size(data: RunData) -> tuple[str, str]:
     rows = [row for tracker in data.trackers if (row := Subject(data, tracker).row) and row["at"] is not None]
     for name in SIZES:
         columns = {axis: f"{data.trimming}_{name}_{axis}_px" for axis in "uv"}
-        known = [axis for axis, column in columns.items() if rows and all(row[column] is not None for row in rows)]
-        if known:
-            return name, max(known, key=lambda axis: rows[0][columns[axis]])
+        axes = [axis for axis, column in columns.items() if rows and all(row[column] is not None for row in rows)]
+        if axes:
+            return name, max(axes, key=lambda axis: rows[0][columns[axis]])
     return SIZES[-1], "u"
 
 
@@ -142,23 +142,25 @@ def with_interval(found: Number) -> str:
 
 def answer(question: str, verdict: str, *, wished: Verdict) -> Answer:
     """Answer a question, and say whether the answer is the one that is wished for."""
-    found = Verdict(verdict)
-    return Answer(question, found, None if found == Verdict.undecided else found == wished)
+    outcome = Verdict(verdict)
+    return Answer(question, outcome, None if outcome == Verdict.undecided else outcome == wished)
 
 
 def larger(found: dict[str, Estimate | None]) -> tuple[str, Estimate] | None:
     """The coordinate whose estimate is the farthest from zero, and the estimate; None where none is known."""
-    known = {name: one for name, one in found.items() if one is not None and one.value is not None}
-    if not known:
+    estimates = {
+        name: estimate for name, estimate in found.items() if estimate is not None and estimate.value is not None
+    }
+    if not estimates:
         return None
-    name = max(known, key=lambda each: abs(known[each].value or 0.0))
-    return name, known[name]
+    name = max(estimates, key=lambda axis: abs(estimates[axis].value or 0.0))
+    return name, estimates[name]
 
 
 def reported_conditions(data: RunData, speed: int) -> ReportedConditions:
     """Every tracker at a speed, in the view that the report shows."""
-    found = {name: data.key_frame(name) for name in data.directions}
-    frames = {name: frame for name, frame in found.items() if frame is not None}
+    key_frames = {name: data.key_frame(name) for name in data.directions}
+    frames = {name: frame for name, frame in key_frames.items() if frame is not None}
     reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
     return ReportedConditions(
         reference, data.trackers, data.population, data.percentile, fitted=data.truth_is_fitted, trimming=data.trimming

@@ -43,14 +43,14 @@ def ratios(tables: RunTables, conditions: ReportedConditions) -> Headline | None
 
 
 def _ratios_of(rows: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
-    own = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
-    estimates = [_estimate(name, row) for name, row in own]
+    ratio_rows = [(name, row) for name in RATIOS if (row := _at_reference(rows, conditions, tracker, name)) is not None]
+    estimates = [_estimate(name, row) for name, row in ratio_rows]
     sentences = [
-        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=_plain(one), tracker=tracker)}"
-        f"{_bounds(one)}"
-        for (name, row), one in zip(own, estimates, strict=True)
+        f"{conditions.opening_place(row['at'])}, {_within(name).format(value=_plain(estimate), tracker=tracker)}"
+        f"{_bounds(estimate)}"
+        for (name, row), estimate in zip(ratio_rows, estimates, strict=True)
     ]
-    return Part(" ".join(sentences), estimates) if own else None
+    return Part(" ".join(sentences), estimates) if ratio_rows else None
 
 
 def _plain(estimate: Estimate) -> str:
@@ -82,8 +82,10 @@ def _estimate(name: str, row: dict[str, Any]) -> Estimate:
 def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
     """The first ratio of the first trackers, without intervals."""
     name = RATIOS[0]
-    found = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
-    values = [f"{_plain(_estimate(name, row))} of {tracker}" for tracker, row in found.items() if row is not None]
+    at_reference = {tracker: _at_reference(rows, conditions, tracker, name) for tracker in conditions.trackers}
+    values = [
+        f"{_plain(_estimate(name, row))} of {tracker}" for tracker, row in at_reference.items() if row is not None
+    ]
     return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."
 
 

@@ -72,14 +72,14 @@ class RunData:
     @property
     def window(self) -> int | None:
         """Length of the window of this estimator, frames; None as shipped."""
-        asked: int | None = self.settings.get("estimator", {}).get("window")
-        return asked
+        window: int | None = self.settings.get("estimator", {}).get("window")
+        return window
 
     @property
     def margin(self) -> float:
         """Relative effect above which a factor counts."""
-        found = self["effects"]["margin"].drop_nulls()
-        return float(found.item(0)) if found.len() else MARGIN
+        margins = self["effects"]["margin"].drop_nulls()
+        return float(margins.item(0)) if margins.len() else MARGIN
 
     @property
     def min_features(self) -> int:
@@ -163,8 +163,8 @@ class RunData:
         return points.with_columns(in_image.then(pl.col(name)).alias(name) for name in FLOOR_COLUMNS)
 
     def _points_of(self, curves: pl.DataFrame) -> pl.DataFrame:
-        whole = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
-        return self._rooted(curves.filter(whole), self.axis.roles)
+        is_shown = (pl.col("weighting") == "features") & (pl.col("axis") == self.axis.name) & ~pl.col("cut")
+        return self._rooted(curves.filter(is_shown), self.axis.roles)
 
     def _rooted(self, curves: pl.DataFrame, roles: Mapping[str, str]) -> pl.DataFrame:
         """Curves with bounds and roles, px."""
@@ -180,8 +180,8 @@ class RunData:
     def key_frame(self, direction: str) -> int | None:
         """Key frame of sequences played in a direction. None where curves run along ages."""
         entries = [entry for entry in self.manifest.sequences.values() if entry.sequence.direction == direction]
-        found = [entry.key_frame for entry in entries if entry.key_frame is not None]
-        return max(found, default=0) if self.axis is FRAME else None
+        frames = [entry.key_frame for entry in entries if entry.key_frame is not None]
+        return max(frames, default=0) if self.axis is FRAME else None
 
     def since_zero(self, at: int) -> int:
         """Distance of an age or a frame of the `view` from where errors are zero, in frames of the sequence."""

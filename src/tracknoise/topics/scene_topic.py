@@ -49,11 +49,11 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     if few.is_empty():
         return None
     numbers: list[int] = few["n_scenes"].unique().sort().to_list()
-    some = counted_of(few.height, measured.height, "condition", "has", "have")
-    there = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
-    every = f"Every condition has only {there}."
-    said = every if few.height == measured.height else f"{some} few scenes. That is only {there}."
-    text = f"{said} {_limits(numbers[0], tables['intervals'])}"
+    affected = counted_of(few.height, measured.height, "condition", "has", "have")
+    scenes = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
+    of_all = f"Every condition has only {scenes}."
+    opening = of_all if few.height == measured.height else f"{affected} few scenes. That is only {scenes}."
+    text = f"{opening} {_limits(numbers[0], tables['intervals'])}"
     brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
 
@@ -81,8 +81,8 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     groups = sorted(set(names.values()))
     opening = f"{count(len(names), 'scene')} come in {count(len(groups), 'group')} of scenes that may be alike"
     if (resampled["resampled"] == Resampled.within).any():
-        named = f": {listing(groups)}" if len(groups) <= MOST_NAMED else ""
-        brief = f"Results hold for these {count(len(groups), 'group')} of scenes only{named}."
+        group_names = f": {listing(groups)}" if len(groups) <= MOST_NAMED else ""
+        brief = f"Results hold for these {count(len(groups), 'group')} of scenes only{group_names}."
         text = f"{brief} There are {count(len(names), 'scene')}, which are resampled within their groups."
     else:
         brief = f"{opening}; intervals allow for it."
@@ -120,8 +120,8 @@ def holds(data: RunData) -> str:
 
 def _interval_kind(data: RunData) -> dict[str, Any] | None:
     """Level, resampled and n_scenes of most intervals at the lowest speed; None where there are none."""
-    known = data.nominal(data["intervals"]).drop_nulls(["level", "resampled", "n_scenes"])
-    kinds = known.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
+    intervals = data.nominal(data["intervals"]).drop_nulls(["level", "resampled", "n_scenes"])
+    kinds = intervals.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
     return kinds.sort("len", "resampled", "level").row(-1, named=True) if kinds.height else None
 
 
@@ -154,18 +154,18 @@ def measured(data: RunData) -> str:
     truth = listing(_TRUTHS.get(kind, kind) for kind in sorted({entry.truth for entry in entries}))
     image += "".join(f", {count(len(values), name)}" for name, values in data.varied.items())
     shown = f"{data.errors_shown} at speed {data.slowest}{data.where}"
-    made = f"{count(scenes, 'scene')} of {lengths} frames, {image}.{_missing(data)}"
-    return f"Data: {data_names}, {made} Truth: {truth}. {shown}."
+    extent = f"{count(scenes, 'scene')} of {lengths} frames, {image}.{_missing(data)}"
+    return f"Data: {data_names}, {extent} Truth: {truth}. {shown}."
 
 
 def _missing(data: RunData) -> str:
     """How many scenes could not be measured; sequences, if some of their scenes were. Begins with a space."""
-    failed, there = list(data.manifest.failures), list(data.manifest.sequences)
+    failed, processed = list(data.manifest.failures), list(data.manifest.sequences)
     if not failed:
         return ""
-    without, scenes = ({key.partition("@")[0] for key in keys} for keys in (failed, there))
+    without, scenes = ({key.partition("@")[0] for key in keys} for keys in (failed, processed))
     if without & scenes:
-        return f" {len(failed)} of {counted(len(failed) + len(there), 'sequence')} could not be measured."
+        return f" {len(failed)} of {counted(len(failed) + len(processed), 'sequence')} could not be measured."
     return f" {len(without)} of {counted(len(without | scenes), 'scene')} could not be measured."
 
 

@@ -15,7 +15,7 @@ _CLAUSE = re.compile(r"[:;.] ")
 
 def sentences_of(text: str) -> list[str]:
     """The sentences of a text, in their order."""
-    return [one for one in _END.split(text.strip()) if one]
+    return [sentence for sentence in _END.split(text.strip()) if sentence]
 
 
 def joined(sentences: Iterable[str]) -> str:
@@ -64,5 +64,5 @@ def by_statement(statements: Iterable[tuple[str, str]]) -> dict[str, list[str]]:
 
 def together(names: Sequence[str]) -> str:
     """Names as part of a sentence: ``a and b``, or ``a, b, c and 17 others``."""
-    named = names if len(names) <= MOST_NAMED else [*names[: MOST_NAMED - 1], f"{len(names) - MOST_NAMED + 1} others"]
-    return listing(named)
+    shown = names if len(names) <= MOST_NAMED else [*names[: MOST_NAMED - 1], f"{len(names) - MOST_NAMED + 1} others"]
+    return listing(shown)

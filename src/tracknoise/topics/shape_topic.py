@@ -48,8 +48,8 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
             within = _gain(row, "student_within")
             scales = [] if row["resampled"] == Resampled.blocks else _gain(row, "scales")
             estimates += [*within, *scales, Estimate.verdict(row, "shape")]
-            which = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
-            whose = f"{sentence_case(which)} of {tracker} at {band_text(conditions.axis, low, high)}"
+            errors = f"{trimming} errors" if len(conditions.trimmings) > 1 else "errors"
+            whose = f"{sentence_case(errors)} of {tracker} at {band_text(conditions.axis, low, high)}"
             are = f"{whose} are {SHAPES[row['verdict']]}{_MEANINGS.get(row['verdict'], '')}"
             why = [] if within else reasons(row["why"])
             sentences += [f"{are}.", *why, *_tails(row, within, scales)]
@@ -66,8 +66,8 @@ def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
 def _tails(row: Mapping[str, Any], within: list[Estimate], scales: list[Estimate]) -> list[str]:
     tail = row["tail_99_within"]
     texts = [f"Within scenes, {number(tail)} times as many lie beyond the 99{SPACE}% ellipse as of a Gaussian."]
-    gains = [f"There Student's t gains {format_estimate(one)} per error over a Gaussian." for one in within]
-    added = [f"Different scales of scenes add {format_estimate(one)}." for one in scales]
+    gains = [f"There Student's t gains {format_estimate(gain)} per error over a Gaussian." for gain in within]
+    added = [f"Different scales of scenes add {format_estimate(gain)}." for gain in scales]
     return [*([] if tail is None else texts), *gains, *added]
 
 
@@ -102,34 +102,34 @@ def shape_measure(subject: Subject) -> Measure | None:
     part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis within scenes")
     shown = card_number(Estimate.of_row(row, part, f"{part}_low", f"{part}_high"))
     heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
-    found = answer("heavy tails", heavy, wished=Verdict.no)
+    answered = answer("heavy tails", heavy, wished=Verdict.no)
     sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {with_interval(shown)}."
     ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
     note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
-    return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, found, note, sentence, "gaussianity")
+    return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, answered, note, sentence, "gaussianity")
 
 
 def _far_share(subject: Subject) -> str:
     """Share of errors larger than three cores, in the coordinate where it is larger."""
     row = subject.row or {}
     shares = {axis: row.get(f"{subject.conditions.trimming}_beyond_{axis}") for axis in "uv"}
-    known = {axis: share for axis, share in shares.items() if share is not None}
-    if not known or row["at"] is None:
+    known_shares = {axis: share for axis, share in shares.items() if share is not None}
+    if not known_shares or row["at"] is None:
         return ""
-    worst = max(known, key=known.__getitem__)
-    return f"; {percent(known[worst])} beyond three cores in {worst}, {subject.conditions.place(row['at'])}"
+    worst = max(known_shares, key=known_shares.__getitem__)
+    return f"; {percent(known_shares[worst])} beyond three cores in {worst}, {subject.conditions.place(row['at'])}"
 
 
 def _shapes_of(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:
     samples = inputs.run.stacked_tables("samples", inputs.keys)
-    found = gaussianity(
+    shapes = gaussianity(
         inputs.moments,
         samples,
         key_frames=inputs.key_frames,
         min_features=inputs.min_features,
         **inputs.intervals,
     )
-    return found.gaussianity, found.radii
+    return shapes.gaussianity, shapes.radii
 
 
 SHAPE = Topic(

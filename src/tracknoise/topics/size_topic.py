@@ -83,27 +83,29 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     ]
     sentences = list(_cores(intervals, conditions, row["at"], tracker, cores))
     is_typical = all(lengths) and not _is_one_scene(tables, conditions)
-    which, roots = (RMS_OF_SCENE, lengths) if is_typical else (conditions.rms, [*pooled.values()])
-    sentences += each_axis([format_estimate(one) for one in roots if one is not None], f"Its {which} in u is")
+    quantity, roots = (RMS_OF_SCENE, lengths) if is_typical else (conditions.rms, [*pooled.values()])
+    sentences += each_axis(
+        [format_estimate(estimate) for estimate in roots if estimate is not None], f"Its {quantity} in u is"
+    )
     sentences += [*_beyond(row, conditions.trimming), *_grid(tables, conditions, tracker)]
-    return Part(" ".join(sentences), [one for one in (*cores.values(), *roots) if one is not None])
+    return Part(" ".join(sentences), [estimate for estimate in (*cores.values(), *roots) if estimate is not None])
 
 
 def _cores(
     intervals: pl.DataFrame, conditions: ReportedConditions, at: int, tracker: str, cores: Mapping[str, Estimate]
 ) -> Iterator[str]:
     """Sentences about the cores in u and in v, of which either or both may be missing; the first names the tracker."""
-    known = {axis: format_estimate(core) for axis, core in cores.items()}
-    if not known:
+    texts = {axis: format_estimate(core) for axis, core in cores.items()}
+    if not texts:
         yield f"{tracker} has no core: its errors are few, or mostly exactly zero."
         return
-    axis, *_ = known
-    few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in known}
-    yield f"The core of {tracker} in {axis} is {known[axis]}.{few[axis]}"
+    axis, *_ = texts
+    few = {axis: _few_scenes(intervals, conditions, at, axis) for axis in texts}
+    yield f"The core of {tracker} in {axis} is {texts[axis]}.{few[axis]}"
     if scenes := curve_scenes(intervals, conditions, "core", at, axis, weighting=Weighting.geometric):
         yield scenes
-    if len(known) == 2:
-        yield f"In v the core is {known['v']}.{few['v']}"
+    if len(texts) == 2:
+        yield f"In v the core is {texts['v']}.{few['v']}"
     else:
         yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly zero."
 
@@ -111,20 +113,20 @@ def _cores(
 def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
     """Say, after a space, where a core is of fewer scenes than the RMS beside it, or the other core; else empty."""
     weighting = Weighting.geometric
-    own, other, errors = (
+    n_core, n_core_u, n_rms = (
         curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)["n_scenes"].to_list()
         for role, coordinate in (("core", axis), ("core", "u"), ("second", axis))
     )
-    if not own or own[0] == max([*own, *other, *errors]):
+    if not n_core or n_core[0] == max([*n_core, *n_core_u, *n_rms]):
         return ""
-    return f" It is of {count(own[0], 'scene')}; the others have few errors, or mostly errors of exactly zero."
+    return f" It is of {count(n_core[0], 'scene')}; the others have few errors, or mostly errors of exactly zero."
 
 
 def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
     """The share of far errors, beside that of a Gaussian."""
     shares = {axis: row[f"{trimming}_beyond_{axis}"] for axis in "uv"}
-    known = [f"{percent(share)} in {axis}" for axis, share in shares.items() if share is not None]
-    return [f"{listing(known).replace(' in ', ' of its errors in ', 1)} exceed three cores."] if known else []
+    texts = [f"{percent(share)} in {axis}" for axis, share in shares.items() if share is not None]
+    return [f"{listing(texts).replace(' in ', ' of its errors in ', 1)} exceed three cores."] if texts else []
 
 
 def _grid(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
@@ -181,9 +183,9 @@ def _of_trackers(
 
 def _places(tables: RunTables, conditions: ReportedConditions) -> str:
     """The ages or frames that numbers are of; begins with a space, and is empty where there are none."""
-    known = conditions.reported(tables["summary"]).drop_nulls("at")
+    summary = conditions.reported(tables["summary"]).drop_nulls("at")
     rows = (
-        known.sort("at").select("at", "tracker").unique(maintain_order=True).group_by("at", maintain_order=True).all()
+        summary.sort("at").select("at", "tracker").unique(maintain_order=True).group_by("at", maintain_order=True).all()
     )
     places = [(conditions.place(at), listing(names)) for at, names in rows.iter_rows()]
     if len(places) == 1:
@@ -200,8 +202,8 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     axis = conditions.axis
     chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
     reference = tables["summary"].select_seq(*POOLED, pl.col("at").cast(pl.Int64))
-    known = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
-    return in_brackets(conditions.reported(known))
+    intervals = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
+    return in_brackets(conditions.reported(intervals))
 
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -228,13 +230,13 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
             intervals, conditions, "second", row["at"], "u", trimming=trimming, aspect=aspect, at_least=age
         )
         if age > since and (long := curve_estimate(rows)):
-            every = size_estimate(row, intervals, conditions, "rms", "u", trimming)
+            all_tracks = size_estimate(row, intervals, conditions, "rms", "u", trimming)
             text = (
                 f"{conditions.opening_place(row['at'])}, tracks of {tracker} that live to age {age} are compared with "
-                f"all. Their error in u is {format_estimate(long)}. For all tracks it is {format_estimate(every)}."
+                f"all. Their error in u is {format_estimate(long)}. For all tracks it is {format_estimate(all_tracks)}."
             )
             brief = f"The RMS over the tracks of {tracker} that live long is {short(long)} in u."
-            return Part(text, [long, every], brief)
+            return Part(text, [long, all_tracks], brief)
     return None
 
 
@@ -246,19 +248,19 @@ def size_measure(subject: Subject) -> Measure | None:
     (name, axis), at = shown_size(subject.data), subject.shared_at
     if at is None or subject.row is None:
         return None
-    rest = "v" if axis == "u" else "u"
-    what, place = "core error" if name == "core" else subject.conditions.rms, subject.conditions.place(at)
-    number, other = (
+    other_axis = "v" if axis == "u" else "u"
+    quantity, place = "core error" if name == "core" else subject.conditions.rms, subject.conditions.place(at)
+    number, other_number = (
         card_number(size_estimate(subject.row, subject.intervals, subject.conditions, name, coordinate))
-        for coordinate in (axis, rest)
+        for coordinate in (axis, other_axis)
     )
     if number.value is None:
         missing = f"unknown {place}: too few features"
         sentence = f"The error of {subject.tracker} is {missing}."
-        return Measure("error", "px", number, None, smallest, f"{what} in {axis} {missing}", sentence, _SECTION)
-    note = f"{what} in {axis} {place}; in {rest} {other.text}"
+        return Measure("error", "px", number, None, smallest, f"{quantity} in {axis} {missing}", sentence, _SECTION)
+    note = f"{quantity} in {axis} {place}; in {other_axis} {other_number.text}"
     most = at_most(TruthVerdict.of(subject.data["trust"]))
-    sentence = f"The {what} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
+    sentence = f"The {quantity} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 

@@ -30,7 +30,7 @@ def _of_cards(row: Mapping[str, Any], cards: Sequence[Card]) -> list[tuple[str, 
         texts = (f"{card.tracker}: {card.sigma[0].lower()}{card.sigma[1:]}" for card in cards if card.sigma)
         return [(sentences_of(text)[0], row["figure"]) for text in texts]
     names = {name for topic in _topics(row) for name in topic.rows_of_card}
-    return [(one.sentence, one.section) for card in cards for one in card.measures if one.name in names]
+    return [(measure.sentence, measure.section) for card in cards for measure in card.measures if measure.name in names]
 
 
 def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> list[tuple[str, str]]:
@@ -39,7 +39,7 @@ def _of_topic(data: RunData, row: Mapping[str, Any], accuracy: Judgement) -> lis
         return [*first, *((text, row["figure"]) for text in changes(data))]
     for topic in _topics(row):
         say = topic.sentence
-        if say is not None and (sentences := [*filter(None, (say(data, one) for one in data.trackers))]):
+        if say is not None and (sentences := [*filter(None, (say(data, tracker) for tracker in data.trackers))]):
             return [(text, row["figure"]) for text in sentences]
         if topic.of_these_scenes and data.trackers:
             return [(Subject(data, data.trackers[0]).said(row["brief"]), row["figure"])]

@@ -77,10 +77,10 @@ def pooled(
 def make_tables(analyses: Iterable[Analysis], inputs: RunInputs) -> list[Analysis]:
     """Make the tables of analyses, each after what it needs. Returns those that need a table that nothing made."""
     waiting = list(analyses)
-    while ready := [one for one in waiting if all(table in inputs.made for table in one.needs)]:
-        for one in ready:
-            inputs.made.update(zip(one.tables, one.make(inputs), strict=True))
-        waiting = [one for one in waiting if one not in ready]
+    while ready := [analysis for analysis in waiting if all(table in inputs.made for table in analysis.needs)]:
+        for analysis in ready:
+            inputs.made.update(zip(analysis.tables, analysis.make(inputs), strict=True))
+        waiting = [analysis for analysis in waiting if analysis not in ready]
     return waiting
 
 

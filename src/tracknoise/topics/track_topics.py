@@ -102,21 +102,21 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
     if row is None or not row["n_tracks"]:
         return None
-    found = {name: scalar_estimate(row, intervals, name, "frames") for name in _LIFETIMES if row[name] is not None}
-    known = {name: format_estimate(estimate) for name, estimate in found.items()}
-    median = known.get(
+    estimates = {name: scalar_estimate(row, intervals, name, "frames") for name in _LIFETIMES if row[name] is not None}
+    lifetime_texts = {name: format_estimate(estimate) for name, estimate in estimates.items()}
+    median = lifetime_texts.get(
         "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
     )
     scenes = scalar_scenes(intervals, "restricted_mean_lifetime", of="Of the restricted mean")
     texts = [
         f"{tracker}: the median is {median}.",
         *(
-            _ALL_LIVE[name] if _is_longest(row, name) else text.format(known[name])
+            _ALL_LIVE[name] if _is_longest(row, name) else text.format(lifetime_texts[name])
             for name, text in _LIFETIMES.items()
-            if name in known and text
+            if name in lifetime_texts and text
         ),
     ]
-    return Part(" ".join(filter(None, [*texts, scenes])), [*found.values()])
+    return Part(" ".join(filter(None, [*texts, scenes])), [*estimates.values()])
 
 
 def _is_longest(row: Mapping[str, Any], name: str) -> bool:

@@ -41,23 +41,23 @@ def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
     All are compared at one age (frame), the nearest to the first of those that their headlines are about.
     """
     rows = [first(conditions.of(tables["summary"], tracker)) for tracker in conditions.trackers]
-    known = [int(row["at"]) for row in rows if row is not None and row["at"] is not None]
-    if len(known) < 2:
+    ages = [int(row["at"]) for row in rows if row is not None and row["at"] is not None]
+    if len(ages) < 2:
         return []
-    at = min(known, key=abs)
-    found = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
-    return [sentence for sentence in found if sentence]
+    at = min(ages, key=abs)
+    sentences = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
+    return [sentence for sentence in sentences if sentence]
 
 
 def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
     values = {trimming: _rms(intervals, conditions, at, axis, trimming) for trimming in _BOTH}
-    if len(values[_BOTH[0]]) < 2 or len({frozenset(each) for each in values.values()}) > 1:
+    if len(values[_BOTH[0]]) < 2 or len({frozenset(rms) for rms in values.values()}) > 1:
         return ""
-    best = {trimming: min(each, key=lambda tracker: each[tracker]) for trimming, each in values.items()}
+    best = {trimming: min(rms, key=lambda tracker: rms[tracker]) for trimming, rms in values.items()}
     if len(set(best.values())) == 1:
         return ""
-    kept, leader = best[Trimming.trimmed], best[Trimming.untrimmed]
-    claim = f"A few tracks decide the RMS ranking in {axis}: {leader} leads with them, {kept} without."
+    trimmed_leader, leader = best[Trimming.trimmed], best[Trimming.untrimmed]
+    claim = f"A few tracks decide the RMS ranking in {axis}: {leader} leads with them, {trimmed_leader} without."
     sizes = (
         f"The smallest {rms_of_tracks(trimming)} {conditions.place(at)} is {px(values[trimming][name])}, of {name}."
         for trimming, name in best.items()
@@ -97,8 +97,8 @@ def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
 
 
 def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
-    found = [first(rows.filter(trimming=trimming)) for trimming in _BOTH]
-    verdicts = [None if row is None else str(row["verdict"]) for row in found]
+    by_trimming = [first(rows.filter(trimming=trimming)) for trimming in _BOTH]
+    verdicts = [None if row is None else str(row["verdict"]) for row in by_trimming]
     if None in verdicts or verdicts[0] == verdicts[1]:
         return []
     words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
@@ -125,8 +125,11 @@ def cut_at_zero(data: RunData) -> list[tuple[str, str]]:
     decided = decided.filter(among="all")
     names = data.in_order(decided.select(list(data.condition_columns)).unique()).to_dicts()
     if len(names) > MOST_NAMED:
-        return [(together([condition_name(one) for one in names]), _warning(data, decided, trims))]
-    return [(condition_name(one), _warning(data, decided.filter(**one), trims.filter(**one))) for one in names]
+        return [(together([condition_name(condition) for condition in names]), _warning(data, decided, trims))]
+    return [
+        (condition_name(condition), _warning(data, decided.filter(**condition), trims.filter(**condition)))
+        for condition in names
+    ]
 
 
 def _warning(data: RunData, decided: pl.DataFrame, trims: pl.DataFrame) -> str:

@@ -61,28 +61,28 @@ def pose_errors(tables: RunTables, conditions: ReportedConditions) -> Headline |
 
 def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str) -> Part | None:
     rows = conditions.of(table, tracker).to_dicts()
-    found = {row["fitted_to"]: Estimate.of_row(row, "share", "low", "high", "share") for row in rows}
-    own, others = found.get(FittedTo.own), found.get(FittedTo.others)
-    if own is None or not own.above(_LEAST_SHARE):
+    shares = {row["fitted_to"]: Estimate.of_row(row, "share", "low", "high", "share") for row in rows}
+    own_share, others_share = shares.get(FittedTo.own), shares.get(FittedTo.others)
+    if own_share is None or not own_share.above(_LEAST_SHARE):
         return None
-    of = f"{format_estimate(own)} of the squared errors of {tracker}"
-    text = f"A motion that the stated poses lack explains {of}."
-    brief = f"A motion that the stated poses lack explains {short(own)} of the squared errors of {tracker}."
-    if others is None:
+    explained = f"{format_estimate(own_share)} of the squared errors of {tracker}"
+    text = f"A motion that the stated poses lack explains {explained}."
+    brief = f"A motion that the stated poses lack explains {short(own_share)} of the squared errors of {tracker}."
+    if others_share is None:
         unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
-        return Part(f"{text} {unconfirmed}", [own], brief)
-    seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others)}."
-    return Part(f"{text} {seen} {_cause(others)}", [own, others], brief)
+        return Part(f"{text} {unconfirmed}", [own_share], brief)
+    seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others_share)}."
+    return Part(f"{text} {seen} {_cause(others_share)}", [own_share, others_share], brief)
 
 
-def _cause(others: Estimate) -> str:
+def _cause(others_share: Estimate) -> str:
     """What it means that other trackers see a motion too, or that they do not."""
-    if others.above(_LEAST_SHARE):
+    if others_share.above(_LEAST_SHARE):
         return (
             "As the trackers agree, this part is probably an error of the truth. It may be of the poses, the clock or "
             "the calibration, or a rolling shutter."
         )
-    if others.below(_LEAST_SHARE):
+    if others_share.below(_LEAST_SHARE):
         return "They do not have this motion, so that it is probably the tracker's own."
     return "It is undecided whether they have this motion too."
 
@@ -92,16 +92,16 @@ def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headl
     table = tables["tracker_differences"].filter(statistic="mean").sort("other")
     means = pl.concat([table.clear(), *(conditions.of(table, tracker) for tracker in conditions.trackers)])
     parts = [_difference(pair, conditions) for _, pair in means.group_by("tracker", "other", maintain_order=True)]
-    known = [part for part in parts if part]
-    if not known:
+    established = [part for part in parts if part]
+    if not established:
         return None
-    more = len(known) - MOST_TRACKERS
+    more = len(established) - MOST_TRACKERS
     opening = (
         f"Mean differences of positions between trackers at the same corners {conditions.where(tables['summary'])}."
     )
-    others = [f"The table has {count(more, 'other pair')}."] if more > 0 else []
-    closing = " ".join([*others, "No error of the truth can cause such a difference."])
-    named = known[:MOST_TRACKERS]
+    remaining = [f"The table has {count(more, 'other pair')}."] if more > 0 else []
+    closing = " ".join([*remaining, "No error of the truth can cause such a difference."])
+    named = established[:MOST_TRACKERS]
     return Headline(
         "differences",
         " ".join([opening, *(part.text for part in named), closing]),
@@ -128,7 +128,7 @@ def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | No
     u, v = each_axis([*map(format_estimate, estimates)], f"In u, {names} is")
     return Part(
         f"{u} {v} This is {where}.",
-        [first[1], *(one for _, one in others)],
+        [first[1], *(estimate for _, estimate in others)],
         f"At the same corners, the mean position of {pair_of} is {short(first[1])} in {first[0]['coordinate']}.",
     )
 
@@ -156,13 +156,13 @@ def self_referential(_tables: RunTables, _conditions: ReportedConditions) -> Hea
 
 def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Noise of one coordinate of a position, corrected for what the fit absorbs."""
-    known = tables["triangulated_noise"].filter(
+    rows = tables["triangulated_noise"].filter(
         pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
     )
-    brackets = in_brackets(conditions.reported(known))
+    brackets = in_brackets(conditions.reported(rows))
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(conditions.of(known, tracker), tracker, at_most(TruthVerdict.of(tables["trust"]))),
+        lambda tracker: _noise_of(conditions.of(rows, tracker), tracker, at_most(TruthVerdict.of(tables["trust"]))),
         opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
         closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
         topic="noise",
@@ -182,21 +182,21 @@ def _noise_of(table: pl.DataFrame, tracker: str, most: str) -> Part | None:
     for measure, source in _MEASURES.items():
         for row in table.filter(measure=measure).to_dicts():
             estimates.append(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-            of = " it is" if sentences else f", the noise of {tracker} is"
-            sentences.append(f"{source}{of} {most}{format_estimate(estimates[-1])}.")
+            predicate = " it is" if sentences else f", the noise of {tracker} is"
+            sentences.append(f"{source}{predicate} {most}{format_estimate(estimates[-1])}.")
     return Part(" ".join(sentences), estimates) if sentences else None
 
 
 def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """The verdict on the truth, unless it is trusted."""
-    found = TruthVerdict.of(tables["trust"])
-    if found.verdict is Trust.trusted:
+    trust = TruthVerdict.of(tables["trust"])
+    if trust.verdict is Trust.trusted:
         return None
-    trackers = [] if found.are_tracks_wrong else conditions.trackers
+    trackers = [] if trust.are_tracks_wrong else conditions.trackers
     rows = (first(conditions.of(tables["summary"], tracker)) for tracker in trackers)
     excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
-    text = " ".join([found.sentence, *list(filter(None, excess))[:1]])
-    return Headline("truth", text, "truth", "trust", brief=_BRIEF[found.verdict])
+    text = " ".join([trust.sentence, *list(filter(None, excess))[:1]])
+    return Headline("truth", text, "truth", "trust", brief=_BRIEF[trust.verdict])
 
 
 _BRIEF = {
@@ -209,11 +209,11 @@ _BRIEF = {
 
 def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     """Noise of one coordinate, where true positions are fitted to the tracks."""
-    whole = pl.col("length_low").is_null()
+    all_lengths = pl.col("length_low").is_null()
     trimming = subject.conditions.trimming
-    rows = subject.of("triangulated_noise").filter(whole, trimming=trimming, coordinate="both")
-    found = {row["measure"]: row for row in rows.to_dicts()}
-    row = next((found[measure] for measure in FittedMeasure if measure in found), None)
+    rows = subject.of("triangulated_noise").filter(all_lengths, trimming=trimming, coordinate="both")
+    by_measure = {row["measure"]: row for row in rows.to_dicts()}
+    row = next((by_measure[measure] for measure in FittedMeasure if measure in by_measure), None)
     if row is None:
         return None
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
@@ -230,10 +230,10 @@ _IS_GOOD = {Trust.trusted: True, Trust.not_trusted: False}
 
 def truth(data: RunData) -> Judgement:
     """Whether the true positions can be trusted, and what would help most."""
-    found = TruthVerdict.of(data["trust"])
-    step = f" Next: {found.step}" if found.step else ""
-    asked = Answer("truth", found.verdict, _IS_GOOD.get(found.verdict))
-    return Judgement(asked, f"{found.text}{without_truth(data)}{step}", "truth")
+    trust = TruthVerdict.of(data["trust"])
+    step = f" Next: {trust.step}" if trust.step else ""
+    answered = Answer("truth", trust.verdict, _IS_GOOD.get(trust.verdict))
+    return Judgement(answered, f"{trust.text}{without_truth(data)}{step}", "truth")
 
 
 def depth_is_from_images(data: RunData) -> bool:
@@ -248,8 +248,8 @@ def without_truth(data: RunData) -> str:
     without = total - int(statuses.filter(pl.col("name").is_in(POPULATIONS["projected"]))["n"].sum())
     if without <= (0.0 if depth_is_from_images(data) else _MOSTLY) * total:
         return ""
-    rest = "; no error could be measured" if without == total else ""
-    return f" {percent(without / total)} of observations lack true positions{rest}."
+    consequence = "; no error could be measured" if without == total else ""
+    return f" {percent(without / total)} of observations lack true positions{consequence}."
 
 
 def _motions(inputs: RunInputs) -> tuple[pl.DataFrame, pl.DataFrame]:

@@ -69,29 +69,29 @@ def _between_scenes(rows: pl.DataFrame) -> str:
 def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:
     if rows.is_empty():
         return None
-    found = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
+    advice = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
              for row in rows.to_dicts()}  # fmt: skip
-    sigma, innovations = found["sigma"], found["innovations"]
+    sigma, innovations = advice["sigma"], advice["innovations"]
     caveat = _caveat(sigma.value, trust, tracker)
     most = _most(caveat)
-    together = _together(rows["kernel"][0], found)
+    together = _together(rows["kernel"][0], advice)
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
     text += f" Innovations will look like {px(innovations.value)}."
-    said = {**found, "innovations": replace(innovations, low=None, high=None)}
-    return Part(text, [said[name] for name in _SAID if name in said], f"{tracker}: set {most}{short(sigma)}.")
+    stated = {**advice, "innovations": replace(innovations, low=None, high=None)}
+    return Part(text, [stated[name] for name in _SAID if name in stated], f"{tracker}: set {most}{short(sigma)}.")
 
 
-def _together(kernel: str | None, found: Quantities) -> str:
+def _together(kernel: str | None, advice: Quantities) -> str:
     """What belongs to sigma: a robust loss, or gates."""
     if kernel is not None:
-        return f" Its {kernel.title()} loss has the knee at {number(found['knee'].value)} sigma."
-    gates = {noun: found[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in found}
-    named = listing([f"{number(one.value)} for {noun}" for noun, one in gates.items()])
-    state = f" Set {px(found['state_sigma'].value)} for features in the state." if "state_sigma" in found else ""
+        return f" Its {kernel.title()} loss has the knee at {number(advice['knee'].value)} sigma."
+    gates = {noun: advice[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in advice}
+    gate_texts = listing([f"{number(estimate.value)} for {noun}" for noun, estimate in gates.items()])
+    state = f" Set {px(advice['state_sigma'].value)} for features in the state." if "state_sigma" in advice else ""
     tried = (
-        f" With the gate of tracks, NEES is {format_estimate(found['gated_nees'])}." if "gated_nees" in found else ""
+        f" With the gate of tracks, NEES is {format_estimate(advice['gated_nees'])}." if "gated_nees" in advice else ""
     )
-    return f"{state} Multiply chi-square gates by {named}.{tried}" if gates else ""
+    return f"{state} Multiply chi-square gates by {gate_texts}.{tried}" if gates else ""
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
@@ -133,14 +133,14 @@ def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int |
         Which trackers, and which errors.
     """
     rows = conditions.reported(windows).filter(trimming=conditions.trimming)
-    own = rows.select("tracker", "window", "quantity", "n", enough=pl.col("n") * pl.col("value") >= LEAST_WINDOWS)
-    deep = own.filter("enough", quantity="depth_share").join(
-        own.filter(quantity="consistent_sigma"), on=["tracker", "window"], how="semi"
+    counts = rows.select("tracker", "window", "quantity", "n", enough=pl.col("n") * pl.col("value") >= LEAST_WINDOWS)
+    deep = counts.filter("enough", quantity="depth_share").join(
+        counts.filter(quantity="consistent_sigma"), on=["tracker", "window"], how="semi"
     )
-    usable = deep if deep.height else own.filter(pl.col("n") >= LEAST_WINDOWS, quantity="residual_core")
+    usable = deep if deep.height else counts.filter(pl.col("n") >= LEAST_WINDOWS, quantity="residual_core")
     near = usable.filter(pl.col("window") <= max(LONGEST_WINDOW, int(usable["window"].min() or 0)))  # type: ignore[arg-type]
-    found = shared_places(near, [], "window")["window"].to_list()
-    return found[0] if found else None
+    lengths = shared_places(near, [], "window")["window"].to_list()
+    return lengths[0] if lengths else None
 
 
 def _noise_of(
@@ -149,13 +149,13 @@ def _noise_of(
     rows = conditions.of(windows, tracker)
     if length is None or rows.is_empty():
         return None
-    found = _quantities(rows.filter(pl.col("n") >= LEAST_WINDOWS, window=length))
-    if "residual_core" not in found:
+    quantities = _quantities(rows.filter(pl.col("n") >= LEAST_WINDOWS, window=length))
+    if "residual_core" not in quantities:
         text = f"{tracker}: {_too_few(length)}."
         return Part(text, [], text)
-    if "consistent_sigma" in found:
-        return _with_depth(found, tracker, trust)
-    return _without_depth(found, tracker, conditions)
+    if "consistent_sigma" in quantities:
+        return _with_depth(quantities, tracker, trust)
+    return _without_depth(quantities, tracker, conditions)
 
 
 def _bracketed(rows: pl.DataFrame) -> pl.DataFrame:
@@ -179,16 +179,16 @@ def _quantities(rows: pl.DataFrame) -> Quantities:
 
 def _by_quantity(rows: pl.DataFrame) -> dict[str, dict[str, Any]]:
     """Rows of one length of window; those about depth only where enough windows show it."""
-    found = {row["quantity"]: row for row in rows.to_dicts()}
-    shares = found.get("depth_share")
+    by_quantity = {row["quantity"]: row for row in rows.to_dicts()}
+    shares = by_quantity.get("depth_share")
     if shares is None or shares["n"] * shares["value"] < LEAST_WINDOWS:
-        return {name: row for name, row in found.items() if name not in _ABOUT_DEPTH}
-    return found
+        return {name: row for name, row in by_quantity.items() if name not in _ABOUT_DEPTH}
+    return by_quantity
 
 
-def _with_depth(found: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
+def _with_depth(quantities: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
     consistent, residual, factor = (
-        found[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
+        quantities[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
     caveat = _caveat(consistent.value, trust, tracker)
     residuals = f"The residual core is {px(residual.value)}. {_certainty(factor)}."
@@ -203,10 +203,10 @@ def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
 
     One or two sentences. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
     """
-    found, share = TruthVerdict.of(trust), explained_share(trust, tracker)
-    if found.is_usable or sigma_px is None:
+    truth, share = TruthVerdict.of(trust), explained_share(trust, tracker)
+    if truth.is_usable or sigma_px is None:
         return ""
-    opening = _UNTRUSTED if found.verdict is Trust.not_trusted else _UNKNOWN
+    opening = _UNTRUSTED if truth.verdict is Trust.not_trusted else _UNKNOWN
     if share is None or share >= 1.0:
         return opening
     return f"{opening} The tracker alone may have {px(sigma_px * sqrt(1.0 - share))}."
@@ -230,8 +230,8 @@ def _certainty(factor: Estimate) -> str:
     return f"Tuned to it, the uncertainty of depths is {text} the claimed one"
 
 
-def _without_depth(found: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
-    residual = found["residual_core"]
+def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
+    residual = quantities["residual_core"]
     why = "true positions are fitted to the tracks" if conditions.fitted else "few windows show the depth of a point"
     text = (
         f"{tracker}: the residual core is {format_estimate(residual)}. Whether this makes depths as certain as claimed "
@@ -247,14 +247,14 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
     rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
-    found = {row["quantity"]: row for row in rows.to_dicts()}
-    if not found:
+    advice = {row["quantity"]: row for row in rows.to_dicts()}
+    if not advice:
         return ""
-    sigma, innovations = found["sigma"], found["innovations"]
+    sigma, innovations = advice["sigma"], advice["innovations"]
     caveat = _caveat(sigma["value"], data["trust"], tracker)
     most = _most(caveat)
-    more = f" and a track gate of {number(found['track_gate']['value'])}" if "track_gate" in found else ""
-    more = f" and a knee of {number(found['knee']['value'])} sigma" if "knee" in found else more
+    more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
+    more = f" and a knee of {number(advice['knee']['value'])} sigma" if "knee" in advice else more
     return joined(
         [
             f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
@@ -276,15 +276,15 @@ def depth_noise_sentence(data: RunData, tracker: str) -> str:
 
 def estimator_sentence(data: RunData, tracker: str) -> str:
     """With which sigma depths are right, and what follows for an estimator. Empty where windows were not measured."""
-    found = _at_window(data, tracker)
-    if "consistent_sigma" not in found:
+    quantities = _at_window(data, tracker)
+    if "consistent_sigma" not in quantities:
         return ""
-    sigma = found["consistent_sigma"]
+    sigma = quantities["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data["trust"], tracker)
     most = _most(caveat)
     opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
-    return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(found)])
+    return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(quantities)])
 
 
 def sigma_message(data: RunData) -> str:
@@ -293,14 +293,14 @@ def sigma_message(data: RunData) -> str:
     shown = [row for row in rows if row is not None and row["low"] is not None and row["low"] > 1.0]
     if not shown:
         return ""
-    row = max(shown, key=lambda one: one["low"])
+    row = max(shown, key=lambda factor: factor["low"])
     times = f"{ratio(row['value'])} times the residual core of {row['tracker']}"
     return f"In windows of {row['window']} frames, depths need {times}"
 
 
-def _certain(found: dict[str, dict[str, Any]]) -> str:
+def _certain(quantities: dict[str, dict[str, Any]]) -> str:
     """What an estimator that is tuned to its residuals gets wrong."""
-    row = found.get("core_overconfidence")
+    row = quantities.get("core_overconfidence")
     if row is None or row["low"] is None or row["high"] is None:
         return ""
     size = f"{number(row['value'])} times ({number(row['low'])} to {number(row['high'])})"

@@ -165,10 +165,10 @@ def growth_cover(
 
 def _rise(table: pl.DataFrame, column: str, at: int) -> float | None:
     """Growth of a column up to `at`; None where it is unknown there."""
-    known = table.filter(pl.col("at").is_between(1, at)).drop_nulls(column).sort("at")
-    if known.height < 2 or known["at"][-1] != at:
+    rows = table.filter(pl.col("at").is_between(1, at)).drop_nulls(column).sort("at")
+    if rows.height < 2 or rows["at"][-1] != at:
         return None
-    return float(known[column][-1] - known[column][0])
+    return float(rows[column][-1] - rows[column][0])
 
 
 def withheld_growth(tracker: str, place: str, covers: Mapping[str, FloorCover | None]) -> str | None:
@@ -182,8 +182,8 @@ def withheld_growth(tracker: str, place: str, covers: Mapping[str, FloorCover | 
 
 def _sizes(opening: str, covers: Mapping[str, FloorCover | None]) -> list[str]:
     """A sentence for each coordinate: the size, and what errors of the truth can cause."""
-    known = {axis: cover for axis, cover in covers.items() if cover is not None}
+    known_covers = {axis: cover for axis, cover in covers.items() if cover is not None}
     return [
         f"{opening} {px(cover.error_px)} in {axis}; these errors can cause {px(cover.limit_px)}."
-        for axis, cover in known.items()
+        for axis, cover in known_covers.items()
     ]

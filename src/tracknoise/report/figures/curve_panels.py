@@ -91,10 +91,10 @@ def readings(points: pl.DataFrame, series: Series) -> list[Reading]:
     """
     curves = {name: points.filter(pl.col(series.field).cast(pl.String) == name) for name in series.colours}
     places = {name: set(curve.filter(pl.col("since") != 0, role="second")["since"]) for name, curve in curves.items()}
-    places = {name: found for name, found in places.items() if found}
+    places = {name: ages for name, ages in places.items() if ages}
     shared = set.intersection(*places.values()) if places else set()
     common = {since for since in shared if 0 < since <= REFERENCE_AGE}
-    return [_reading(name, curves[name], max(common) if common else _nearest(found)) for name, found in places.items()]
+    return [_reading(name, curves[name], max(common) if common else _nearest(ages)) for name, ages in places.items()]
 
 
 def when(found: Sequence[Reading], axis: Axis, *, phrase: str = "for {}") -> str:
@@ -102,8 +102,8 @@ def when(found: Sequence[Reading], axis: Axis, *, phrase: str = "for {}") -> str
     places = {reading.since for reading in found}
     if len(places) == 1:
         return f"{axis.opening_place(places.pop())},"
-    each = listing(f"{number(reading.since)} {phrase.format(reading.name)}" for reading in found)
-    return f"{axis.opening_place(REFERENCE_AGE)} or the nearest available ({each}),"
+    ages = listing(f"{number(reading.since)} {phrase.format(reading.name)}" for reading in found)
+    return f"{axis.opening_place(REFERENCE_AGE)} or the nearest available ({ages}),"
 
 
 def _nearest(places: set[int]) -> int:
@@ -125,15 +125,15 @@ _WIDTH, _SYMBOL = 1.5, 500
 
 def floor_lines(table: pl.DataFrame, role: str, coordinate: str, x: alt.X, y: alt.Y) -> list[alt.Chart]:
     """The floor in one panel of curves; both limits of a mean. Empty where nothing is known, or the truth is exact."""
-    known = _pooled(table, coordinate) if role in _LIMITS else table.clear()
-    if known.is_empty():
+    floor = _pooled(table, coordinate) if role in _LIMITS else table.clear()
+    if floor.is_empty():
         return []
     legend = alt.Legend(
         title=None, symbolType="stroke", symbolDash=_DASH, symbolStrokeColor=style.QUIET, symbolSize=_SYMBOL
     )
     width = alt.StrokeWidth("line:N", scale=alt.Scale(domain=[NAME], range=[_WIDTH]), legend=legend)
     tips = [alt.Tooltip("line:N"), alt.Tooltip("at:Q"), alt.Tooltip("floor:Q", title="px")]
-    ends = [known.select("at", line=pl.lit(NAME), floor=limit * pl.col("floor")) for limit in _LIMITS[role]]
+    ends = [floor.select("at", line=pl.lit(NAME), floor=limit * pl.col("floor")) for limit in _LIMITS[role]]
     return [
         alt.Chart(marks.rows(end))
         .mark_line(strokeDash=_DASH, color=style.QUIET, clip=True)
@@ -152,10 +152,10 @@ def floor_ends(table: pl.DataFrame, role: str) -> pl.Series:
 def _pooled(table: pl.DataFrame, coordinate: str) -> pl.DataFrame:
     """One floor for all curves, which differ little: the mean, weighted by features. Empty if all are 0."""
     column = FLOOR_COLUMNS["uv".index(coordinate)]
-    known = table.filter(pl.col("role") != "central").drop_nulls(column)
+    rows = table.filter(pl.col("role") != "central").drop_nulls(column)
     weighted = (pl.col(column) * pl.col("n")).sum() / pl.col("n").sum()
-    found = known.filter(pl.col("n") > 0).group_by("at").agg(floor=weighted).sort("at")
-    return found if (found["floor"] > 0).any() else found.clear()
+    floor = rows.filter(pl.col("n") > 0).group_by("at").agg(floor=weighted).sort("at")
+    return floor if (floor["floor"] > 0).any() else floor.clear()
 
 
 def describe_floor(points: pl.DataFrame) -> str:
@@ -197,8 +197,10 @@ def describe_bands(points: pl.DataFrame, series: Series) -> str:
     """Describe the bands, and the truth floor, that `grid` draws of the same points."""
     named = points.with_columns(pl.col(series.field).cast(pl.String)).filter(pl.col("role") != "central")
     chosen = series.present(named)
-    of = "the solid curves" if len(chosen.colours) <= MANY else f"the curve {series.phrase.format(chosen.banded[0])}"
-    intervals = bands.describe_intervals(named.filter(pl.col(series.field).is_in(chosen.banded)), of=of)
+    subject = (
+        "the solid curves" if len(chosen.colours) <= MANY else f"the curve {series.phrase.format(chosen.banded[0])}"
+    )
+    intervals = bands.describe_intervals(named.filter(pl.col(series.field).is_in(chosen.banded)), of=subject)
     return f"{intervals}{describe_floor(named)}"
 
 

@@ -200,10 +200,10 @@ def _gaussianity_message(data: ReportData) -> str:
     rows = _ordered(data).filter(trimming=data.trimming)
     heavy = pl.col("verdict").is_in([Shape.heavy_tailed, Shape.contaminated])
     judged = rows.group_by("tracker", maintain_order=True)
-    found = judged.agg(heavy=heavy.all(), gaussian=(pl.col("verdict") == Shape.gaussian).all())
-    if found.height and found["gaussian"].all():
+    shapes = judged.agg(heavy=heavy.all(), gaussian=(pl.col("verdict") == Shape.gaussian).all())
+    if shapes.height and shapes["gaussian"].all():
         return "Errors are close to Gaussian"
-    names = found.filter("heavy")["tracker"].to_list()
+    names = shapes.filter("heavy")["tracker"].to_list()
     return f"Errors of {listing(names)} have heavier tails than a Gaussian" if names else ""
 
 
@@ -226,14 +226,14 @@ def _row(row: Mapping[str, Any]) -> list[str]:
         number(row["student_nu"]),
     ]
     why = f": {row['why']}" if row["verdict"] == "undecided" and row["why"] else ""
-    asked = [
+    opening_cells = [
         row["tracker"],
         row["band"].replace(" ", SPACE),
         row["trimming"],
         number(row["n"]),
         number(row["skewness"]),
     ]
-    return [*asked, *estimates, row["verdict"] + why]
+    return [*opening_cells, *estimates, row["verdict"] + why]
 
 
 def _estimate_text(row: Mapping[str, Any], name: str, bounds: str) -> str:
@@ -255,18 +255,18 @@ def _band(data: ReportData) -> pl.Expr:
 
 def _gaussianity_panel(data: ReportData, radii: pl.DataFrame, tracker: str, trimming: str) -> Panel:
     """Observed against expected quantiles of one tracker, with the diagonal."""
-    known = radii.filter((pl.col("expected") > 0) & (pl.col("observed") > 0)).sort("age_low", "probability")
-    names = known.sort("age_low")["band"].unique(maintain_order=True).to_list()
+    rows = radii.filter((pl.col("expected") > 0) & (pl.col("observed") > 0)).sort("age_low", "probability")
+    names = rows.sort("age_low")["band"].unique(maintain_order=True).to_list()
     hues = dict(zip(names, style.levels(data.colour[tracker], len(names)), strict=False))
-    x = alt.X("expected:Q", title="expected for a Gaussian", scale=_logarithmic(known["expected"]))
-    y = alt.Y("observed:Q", title="observed", scale=_logarithmic(pl.concat([known["expected"], known["observed"]])))
+    x = alt.X("expected:Q", title="expected for a Gaussian", scale=_logarithmic(rows["expected"]))
+    y = alt.Y("observed:Q", title="observed", scale=_logarithmic(pl.concat([rows["expected"], rows["observed"]])))
     tips = [
         alt.Tooltip("band:N"),
         alt.Tooltip("probability:Q", format=".4~g"),
         alt.Tooltip("expected:Q"),
         alt.Tooltip("observed:Q"),
     ]
-    table = known.select("band", "probability", "expected", "observed")
+    table = rows.select("band", "probability", "expected", "observed")
     base = alt.Chart(marks.rows(table)).encode(
         x=x,
         y=y,
@@ -274,8 +274,8 @@ def _gaussianity_panel(data: ReportData, radii: pl.DataFrame, tracker: str, trim
         opacity=marks.opacity("band"),
         tooltip=tips,
     )
-    same = alt.Chart(marks.rows(known.select("expected"))).mark_line(color="#9aa5b1", strokeWidth=1)
-    chart = layered(base.mark_line(point=True), same.encode(x=x, y=marks.on(y, "expected")))
+    diagonal = alt.Chart(marks.rows(rows.select("expected"))).mark_line(color="#9aa5b1", strokeWidth=1)
+    chart = layered(base.mark_line(point=True), diagonal.encode(x=x, y=marks.on(y, "expected")))
     return Panel(chart.properties(title=f"{tracker}, {trimming}", **_SIZE), (marks.shown("band", hues),))
 
 
@@ -289,8 +289,8 @@ def _look_for_gaussianity(data: ReportData) -> str:
     rows = _ordered(data)
     parts = []
     for tracker in data.trackers:
-        own = rows.filter(tracker=tracker, trimming="untrimmed")
-        verdicts = [_sentence(data, bands) for _, bands in own.group_by("verdict", maintain_order=True)]
+        untrimmed = rows.filter(tracker=tracker, trimming="untrimmed")
+        verdicts = [_sentence(data, bands) for _, bands in untrimmed.group_by("verdict", maintain_order=True)]
         parts += [f"Before trimming, errors of {tracker} are {listing(verdicts)}. "] if verdicts else []
     numbers = "".join(parts)
     return (
@@ -308,9 +308,9 @@ def _sentence(data: ReportData, bands: pl.DataFrame) -> str:
         else []
     )
     tail = f" ({' to '.join(ends)} times the share of a Gaussian beyond the 99{SPACE}% ellipse)" if ends else ""
-    what = "ages" if data.axis is AGE else "distances"
+    noun = "ages" if data.axis is AGE else "distances"
     verdict = bands["verdict"][0]
-    return f"{_SHAPES.get(verdict, verdict)} at {what} {listing(bands['band'])}{tail}"
+    return f"{_SHAPES.get(verdict, verdict)} at {noun} {listing(bands['band'])}{tail}"
 
 
 FIGURES: Sections = {"gaussianity": (gaussianity_figures,), "trimming": (trimming_figures,)}

@@ -35,8 +35,8 @@ _LAYOUT = (
 
 def curve_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Curves of the errors that the run is about, and of the others: ``error-by-age``, ``error-by-age-trimmed``."""
-    other = Trimming.trimmed if data.trimming == Trimming.untrimmed else Trimming.untrimmed
-    return [_shown(data), _other(data, other)]
+    other_trimming = Trimming.trimmed if data.trimming == Trimming.untrimmed else Trimming.untrimmed
+    return [_shown(data), _other(data, other_trimming)]
 
 
 def _shown(data: ReportData) -> Figure | Absence:
@@ -85,8 +85,10 @@ def _curve_message(data: ReportData) -> str:
 def _trimming_message(data: ReportData) -> str:
     """How trimming changes the RMS of the first tracker, where the intervals lie apart."""
     points = data.nominal(data.points).filter(role="second", population=data.population, tracker=data.trackers[0])
-    both = points.filter(pl.col("since").is_between(1, REFERENCE_AGE), pl.col("trimming").is_in(list(Trimming)))
-    shared = both.filter(pl.len().over("since") == len(Trimming)).sort("since")
+    both_trimmings = points.filter(
+        pl.col("since").is_between(1, REFERENCE_AGE), pl.col("trimming").is_in(list(Trimming))
+    )
+    shared = both_trimmings.filter(pl.len().over("since") == len(Trimming)).sort("since")
     if shared.is_empty():
         return ""
     rows = {row["trimming"]: row for row in shared.filter(since=shared["since"].max()).to_dicts()}
@@ -101,15 +103,16 @@ def _curve_figure(
 ) -> Figure | Absence:
     points = data.nominal(data.points).filter(trimming=trimming, population=data.population)
     series = Series("tracker", data.colour)
-    found = readings(points, series)
-    if not found:
+    curve_readings = readings(points, series)
+    if not curve_readings:
         return Absence(name, title, no_curve(data))
     parts = [
-        f"{one.name} has a mean error of {one.describe('mean')}. Its root second moment is {one.describe('second')}."
-        for one in found
+        f"{reading.name} has a mean error of {reading.describe('mean')}. "
+        f"Its root second moment is {reading.describe('second')}."
+        for reading in curve_readings
     ]
     pooled = "These numbers pool the features of all scenes. In the answer at the top, scenes count alike."
-    look_for = f"{when(found, data.axis)} {' '.join(parts)} {pooled} {advice}"
+    look_for = f"{when(curve_readings, data.axis)} {' '.join(parts)} {pooled} {advice}"
     shows = f"{shows} {describe_bands(points, series)}"
     return Figure(name, title, shows, look_for, grid(points, series, data.axis), message)
 
@@ -157,10 +160,10 @@ def _second_moment_message(data: ReportData) -> str:
         pl.col("since").is_between(1, REFERENCE_AGE), role="second", trimming=data.trimming, population=data.population
     )
     last = near.filter(pl.col("since") == pl.col("since").max().over("tracker")).to_dicts()
-    found = [(row, *pair) for row in last for pair in ("uv", "vu") if row[pair[1]] and apart(row, row, *pair)]
-    if not found:
+    differing = [(row, *pair) for row in last for pair in ("uv", "vu") if row[pair[1]] and apart(row, row, *pair)]
+    if not differing:
         return ""
-    row, larger, smaller = max(found, key=lambda one: one[0][one[1]] / one[0][one[2]])
+    row, larger, smaller = max(differing, key=lambda entry: entry[0][entry[1]] / entry[0][entry[2]])
     times = ratio((row[larger] / row[smaller]) ** 2)
     return f"The second moment of {row['tracker']} is {times} times as large in {larger} as in {smaller}"
 
@@ -176,9 +179,9 @@ def _second_moment_points(data: ReportData) -> pl.DataFrame:
         population=data.population,
         trimming=data.trimming,
     )
-    known = chosen.drop_nulls(["u", "v"]).sort("tracker", "speed", "at")
+    moments = chosen.drop_nulls(["u", "v"]).sort("tracker", "speed", "at")
     since = pl.col("at").cast(pl.Int64) + data.since_zero(0)
-    return known.with_columns(pl.col("speed").cast(pl.String), since=since)
+    return moments.with_columns(pl.col("speed").cast(pl.String), since=since)
 
 
 def _second_moment_shows(data: ReportData) -> str:
@@ -211,8 +214,12 @@ def _row(data: ReportData, points: pl.DataFrame, series: Series, title: str) -> 
     """One panel per element. Those in u and v have one scale."""
     present = series.present(points)
     shown = points.filter(pl.col(series.field).is_in(list(present.colours)))
-    both, none = pl.concat([shown["u"], shown["v"]]), pl.Series([], dtype=pl.Float64)
-    bounds = {"u": marks.holding(both, none), "uv": marks.holding(shown["uv"], none), "v": marks.holding(both, none)}
+    u_and_v, empty = pl.concat([shown["u"], shown["v"]]), pl.Series([], dtype=pl.Float64)
+    bounds = {
+        "u": marks.holding(u_and_v, empty),
+        "uv": marks.holding(shown["uv"], empty),
+        "v": marks.holding(u_and_v, empty),
+    }
     return [_second_moment_panel(data, shown, present, name, bounds[name], title) for name in _ELEMENTS]
 
 
@@ -262,25 +269,30 @@ def direction_figures(data: ReportData) -> Sequence[Figure | Absence]:
 def _along_and_across(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"along-and-across-{data.slug(tracker)}", f"{tracker}, along and across"
     points, series = _direction_points(data, tracker), _direction_series(data, tracker)
-    found = readings(points, series)
-    if not {one.name for one in found} - {_IMAGE}:
+    curve_readings = readings(points, series)
+    if not {reading.name for reading in curve_readings} - {_IMAGE}:
         why = f"No {data.axis.name} has enough features with a known error and a known motion or gradient"
         return Absence(name, title, f"{why}, so there is no curve.")
     shows = f"{_direction_shows(data, tracker)} {describe_bands(points, series)}"
     chart = grid(points, series, data.axis)
     return Figure(
-        name, title, shows, _look_for_directions(data, points, found), chart, _direction_message(tracker, points, found)
+        name,
+        title,
+        shows,
+        _look_for_directions(data, points, curve_readings),
+        chart,
+        _direction_message(tracker, points, curve_readings),
     )
 
 
-def _direction_message(tracker: str, points: pl.DataFrame, found: Sequence[Reading]) -> str:
+def _direction_message(tracker: str, points: pl.DataFrame, curve_readings: Sequence[Reading]) -> str:
     """Where the RMS along the motion or gradient differs from that across it, and the intervals lie apart."""
-    for one in found:
-        row = points.filter(axes=one.name, since=one.since, role="second").row(0, named=True)
-        if one.name != _IMAGE and apart(row, row, "v", "u"):
-            return f"Errors of {tracker} are larger across the {one.name} than along it"
-        if one.name != _IMAGE and apart(row, row, "u", "v"):
-            return f"Errors of {tracker} are larger along the {one.name} than across it"
+    for reading in curve_readings:
+        row = points.filter(axes=reading.name, since=reading.since, role="second").row(0, named=True)
+        if reading.name != _IMAGE and apart(row, row, "v", "u"):
+            return f"Errors of {tracker} are larger across the {reading.name} than along it"
+        if reading.name != _IMAGE and apart(row, row, "u", "v"):
+            return f"Errors of {tracker} are larger along the {reading.name} than across it"
     return ""
 
 
@@ -292,8 +304,8 @@ def _direction_points(data: ReportData, tracker: str) -> pl.DataFrame:
     )
     aspects = data.aspect_points.filter(pl.col("aspect").is_in([Aspect.motion, Aspect.gradient]))
     aspects = aspects.with_columns(pl.col("aspect").cast(pl.String))
-    both = pl.concat([image, aspects.select(image.columns)]).rename({"aspect": "axes"})
-    return data.nominal(both).filter(tracker=tracker, trimming=data.trimming)
+    points = pl.concat([image, aspects.select(image.columns)]).rename({"aspect": "axes"})
+    return data.nominal(points).filter(tracker=tracker, trimming=data.trimming)
 
 
 def _direction_series(data: ReportData, tracker: str) -> Series:
@@ -312,12 +324,12 @@ def _direction_shows(data: ReportData, tracker: str) -> str:
     )
 
 
-def _look_for_directions(data: ReportData, points: pl.DataFrame, found: Sequence[Reading]) -> str:
-    means = ". It is ".join(_values(one, "mean") for one in found if "mean" in one.values)
-    roots = ". It is ".join(_values(one, "second") for one in found)
-    counts = listing(f"{number(_features(points, one))} for {one.name}" for one in found)
+def _look_for_directions(data: ReportData, points: pl.DataFrame, curve_readings: Sequence[Reading]) -> str:
+    means = ". It is ".join(_values(reading, "mean") for reading in curve_readings if "mean" in reading.values)
+    roots = ". It is ".join(_values(reading, "second") for reading in curve_readings)
+    counts = listing(f"{number(_features(points, reading))} for {reading.name}" for reading in curve_readings)
     return (
-        f"{when(found, data.axis)} the mean error is {means}. The root second moment is {roots}. Number of "
+        f"{when(curve_readings, data.axis)} the mean error is {means}. The root second moment is {roots}. Number of "
         f"features: {counts}. A mean error that follows the motion is visible along the motion. In u and v it may "
         "average out if the motion changes direction. Where errors across the gradient are larger than along it, "
         "features slide along edges."
@@ -354,8 +366,8 @@ def _figure_of(data: ReportData, tracker: str) -> Figure | Absence:
     points = _survivorship_points(data, tracker)
     series = _survivorship_series(points, data.colour[tracker])
     name, title = f"survivorship-bias-{data.slug(tracker)}", f"{tracker}, by track lifetime"
-    found = _longest_beside_all(data, points)
-    if not found:
+    curve_readings = _longest_beside_all(data, points)
+    if not curve_readings:
         why = f"No {data.axis.name} has enough features whose tracks reach age {LONG_LIVED_AGES[0]}"
         return Absence(name, title, f"{why}, so there is nothing to compare.")
     chart = grid(points, series, data.axis)
@@ -364,29 +376,32 @@ def _figure_of(data: ReportData, tracker: str) -> Figure | Absence:
         name,
         title,
         shows,
-        _look_for_survivorship(data, points, found),
+        _look_for_survivorship(data, points, curve_readings),
         chart,
-        _survivorship_message(tracker, points, found),
+        _survivorship_message(tracker, points, curve_readings),
     )
 
 
-def _survivorship_message(tracker: str, points: pl.DataFrame, found: Sequence[Reading]) -> str:
+def _survivorship_message(tracker: str, points: pl.DataFrame, curve_readings: Sequence[Reading]) -> str:
     """How much smaller the RMS of the longest-lived tracks is in u, where the intervals lie apart."""
-    rows = [points.filter(tracks=one.name, since=one.since, role="second").row(0, named=True) for one in found]
-    every, longest = rows
-    if not apart(every, longest, "u"):
+    rows = [
+        points.filter(tracks=reading.name, since=reading.since, role="second").row(0, named=True)
+        for reading in curve_readings
+    ]
+    all_tracks, longest = rows
+    if not apart(all_tracks, longest, "u"):
         return ""
-    times, rms = number(longest["u"] / every["u"]), rms_of_tracks(every["trimming"])
-    return f"Tracks of {tracker} living {found[1].name} have {times} times the {rms} in u"
+    times, rms = number(longest["u"] / all_tracks["u"]), rms_of_tracks(all_tracks["trimming"])
+    return f"Tracks of {tracker} living {curve_readings[1].name} have {times} times the {rms} in u"
 
 
 def _survivorship_points(data: ReportData, tracker: str) -> pl.DataFrame:
     """Curves of visible features, by `tracks`. Moments about the mean are left out: there are many curves."""
-    every = data.points.filter(population="visible").with_columns(tracks=pl.lit(_ALL))
+    all_tracks = data.points.filter(population="visible").with_columns(tracks=pl.lit(_ALL))
     chosen = data.aspect_points.filter(aspect=Aspect.long_lived)
     chosen = chosen.with_columns(tracks=pl.col("at_least").replace_strict(_NAMES, return_dtype=pl.String))
-    both = pl.concat([every, chosen.select(every.columns)])
-    return data.nominal(both).filter(pl.col("role") != "central", tracker=tracker, trimming=data.trimming)
+    points = pl.concat([all_tracks, chosen.select(all_tracks.columns)])
+    return data.nominal(points).filter(pl.col("role") != "central", tracker=tracker, trimming=data.trimming)
 
 
 def _survivorship_series(points: pl.DataFrame, colour: str) -> Series:
@@ -400,9 +415,9 @@ def _longest_beside_all(data: ReportData, points: pl.DataFrame) -> list[Reading]
     for age in reversed(LONG_LIVED_AGES):
         pair = Series("tracks", dict.fromkeys((_ALL, _NAMES[age]), ""))
         younger = points if data.axis is FRAME else points.filter(pl.col("since") < age)
-        found = readings(younger, pair)
-        if len(found) == 2 and found[0].since == found[1].since:
-            return found
+        curve_readings = readings(younger, pair)
+        if len(curve_readings) == 2 and curve_readings[0].since == curve_readings[1].since:
+            return curve_readings
     return []
 
 
@@ -415,12 +430,16 @@ def _survivorship_shows(data: ReportData, tracker: str) -> str:
     )
 
 
-def _look_for_survivorship(data: ReportData, points: pl.DataFrame, found: Sequence[Reading]) -> str:
-    every, longest = found
-    n, n_all = (int(points.filter(tracks=one.name, since=one.since, role="second")["n"].sum()) for one in found[::-1])
+def _look_for_survivorship(data: ReportData, points: pl.DataFrame, curve_readings: Sequence[Reading]) -> str:
+    all_tracks, longest = curve_readings
+    n, n_all = (
+        int(points.filter(tracks=reading.name, since=reading.since, role="second")["n"].sum())
+        for reading in curve_readings[::-1]
+    )
     return (
-        f"{when(found, data.axis)} the root second moment of all tracks is {every.describe('second')}. For tracks that "
-        f"live {longest.name} it is {longest.describe('second')}. These are {number(n)} of {number(n_all)} features. "
+        f"{when(curve_readings, data.axis)} the root second moment of all tracks is {all_tracks.describe('second')}. "
+        f"For tracks that live {longest.name} it is {longest.describe('second')}. "
+        f"These are {number(n)} of {number(n_all)} features. "
         "Long-lived tracks may have smaller errors than all tracks at the same age. The curve of all tracks then "
         "flattens partly because bad tracks were lost. The error of a single track need not flatten."
     )
@@ -457,9 +476,9 @@ def compare(data: ReportData) -> pl.DataFrame:
         points.filter(population=side).select(*_KEYS, pl.col("n", "u", "v").name.suffix(f"_{side}"))
         for side in ("visible", "projected")
     ]
-    both = sides[0].join(sides[1], on=_KEYS)
+    paired = sides[0].join(sides[1], on=_KEYS)
     last = pl.col("since") == pl.col("since").max().over("tracker", "speed")
-    return both.filter(last).sort(_KEYS)
+    return paired.filter(last).sort(_KEYS)
 
 
 def _occlusion_figure(data: ReportData, table: pl.DataFrame) -> Figure:

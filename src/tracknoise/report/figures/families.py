@@ -50,10 +50,10 @@ class Family:
 
         makers = [make for module in _modules() for make in module.FIGURES.get(self.id, ())]
         with debug_mode(False):
-            made = [item for make in makers for item in make(data)]
-        require_distinct(made)
+            figures = [item for make in makers for item in make(data)]
+        require_distinct(figures)
         withheld = self.of_errors and data.truth_is_fitted
-        return [Absence(item.id, item.title, _WITHHELD) for item in made] if withheld else made
+        return [Absence(item.id, item.title, _WITHHELD) for item in figures] if withheld else figures
 
     def tables(self, data: ReportData) -> Sequence[Cells]:
         """Make the tables below the figures."""

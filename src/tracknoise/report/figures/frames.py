@@ -121,13 +121,13 @@ def example_frame_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if not data.keeps_observations:
         why = 'The run keeps only statistics (keep = "statistics"), not the single errors that this figure needs.'
         return [Absence(_EXAMPLE_FRAME_ID, _EXAMPLE_FRAME_TITLE, why)]
-    made: list[Figure | Absence] = [
+    figures: list[Figure | Absence] = [
         _figure(data, entry, place) for place, entry in enumerate(entries[:MOST_SCENES], start=1)
     ]
     if len(entries) > MOST_SCENES:
         why = f"Only the first {MOST_SCENES} of {len(entries)} scenes are drawn. The statistics below cover all scenes."
-        made.append(Absence(f"{_EXAMPLE_FRAME_ID}-others", "Other scenes", why))
-    return made
+        figures.append(Absence(f"{_EXAMPLE_FRAME_ID}-others", "Other scenes", why))
+    return figures
 
 
 def _figure(data: ReportData, entry: SequenceEntry, place: int) -> Figure | Absence:
@@ -178,9 +178,11 @@ def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
     observed = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frames)
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
-    now = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
-    now = now.with_columns(error_px=error).sort("tracker", "track")
-    features = pl.concat([now.clear(), *(_example_frame_spread(now.filter(tracker=name)) for name in data.trackers)])
+    snapshot = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
+    snapshot = snapshot.with_columns(error_px=error).sort("tracker", "track")
+    features = pl.concat(
+        [snapshot.clear(), *(_example_frame_spread(snapshot.filter(tracker=name)) for name in data.trackers)]
+    )
     columns = ["tracker", "track", "frame", "u_px", "v_px"]
     trails = observed.select(columns).join(features.select("tracker", "track"), on=["tracker", "track"], how="semi")
     magnification = _magnification(features["error_px"], entry.width)
@@ -350,12 +352,12 @@ def trimmed_frame(data: ReportData) -> TrimmedFrame | None:
 
 def _features(data: ReportData, entry: SequenceEntry) -> pl.DataFrame:
     in_frame = pl.col("frame") == entry.snapshot_frame
-    now = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frame)
+    snapshot = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frame)
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     positions = {"u": "u_px", "v": "v_px", "u_true": "u_true_px", "v_true": "v_true_px"}
     trimming = pl.when("kept").then(pl.lit("kept")).otherwise(pl.lit("dropped"))
-    known = now.drop_nulls(["du_px", "kept"])
-    return known.select("tracker", "track", "age", **positions, error=error, trimming=trimming)
+    measured = snapshot.drop_nulls(["du_px", "kept"])
+    return measured.select("tracker", "track", "age", **positions, error=error, trimming=trimming)
 
 
 _LIGHT_STAGE_ID, _LIGHT_STAGE_TITLE = "light-stage", "Lighting"
@@ -387,14 +389,14 @@ def _images(data: ReportData) -> dict[str, tuple[SequenceEntry, bytes]]:
     """Sequence and image of the first scene under some lightings, the reference first, by their names."""
     scene = next(iter(data.sequences.values())).sequence.scene
     chosen = [light for names in light_sweeps.sweeps(data).values() for light in _ends_and_middle(names)]
-    found: dict[str, tuple[SequenceEntry, bytes]] = {}
+    images: dict[str, tuple[SequenceEntry, bytes]] = {}
     for lighting in (data.view["lighting"], *dict.fromkeys(chosen)):
         wanted = {**data.view, "lighting": lighting, "scene": scene}
         for entry in data.manifest.sequences.values():
             if all(getattr(entry.sequence, name) == value for name, value in wanted.items()):
                 png = stored_image(data, entry)
-                found |= {} if png is None else {lighting: (entry, png)}
-    return found
+                images |= {} if png is None else {lighting: (entry, png)}
+    return images
 
 
 def _ends_and_middle(names: Sequence[str]) -> Sequence[str]:
@@ -460,14 +462,14 @@ def trajectory_figures(data: ReportData) -> Sequence[Figure | Absence]:
         return [Absence("trajectory", _TRAJECTORY_TITLE, "No tracker found a feature, so there is no path.")]
     paths = [_path(data, key) for key in chosen[:MOST]]
     more = len(data.sequences) - len(paths)
-    others = f" {count(more, 'other scene').capitalize()} {'is' if more == 1 else 'are'} not drawn." if more else ""
+    left_out = f" {count(more, 'other scene').capitalize()} {'is' if more == 1 else 'are'} not drawn." if more else ""
     figure = Figure(
         id="trajectory",
         title=_TRAJECTORY_TITLE,
         shows="Left: the camera path along the two world axes in which it extends farthest. The dot is its start. "
         "Strokes show the viewing direction. Middle: displacement from the first frame along each world axis. Right: "
         "rotation about each axis of the camera (x right, y down, z forward), summed from frame to frame. The legend "
-        f"holds for both.{others}",
+        f"holds for both.{left_out}",
         look_for=" ".join(_sentence(path) for path in paths),
         spec=arranged([panel for path in paths for panel in _row(path)], columns=3),
         message=_trajectory_message(paths[0]),

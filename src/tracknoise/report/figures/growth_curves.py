@@ -63,8 +63,8 @@ def change_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _change_message(data: ReportData, points: pl.DataFrame) -> str:
     """Trackers whose successive changes have opposite signs in u and v, more often than by chance."""
-    known = points.filter(pl.col("u_high") < 0, pl.col("v_high") < 0, statistic=AUTOCORRELATION, at=1)
-    names = [name for name in data.trackers if name in known["tracker"]]
+    negative = points.filter(pl.col("u_high") < 0, pl.col("v_high") < 0, statistic=AUTOCORRELATION, at=1)
+    names = [name for name in data.trackers if name in negative["tracker"]]
     return f"Successive changes of {listing(names)} tend to have opposite signs" if names else ""
 
 
@@ -94,10 +94,12 @@ def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -
 
 def _bounds(data: ReportData) -> pl.DataFrame:
     """Bounds of all these. Those of the variance are roots."""
-    found = data.nominal(data["intervals"]).filter(aspect=Aspect.change, trimming=data.trimming)
-    found = found.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
-    found = found.filter(pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(COORDINATES)))
-    named = found.with_columns(statistic=pl.col("statistic").replace_strict(_STATISTICS, return_dtype=pl.String))
+    intervals = data.nominal(data["intervals"]).filter(aspect=Aspect.change, trimming=data.trimming)
+    intervals = intervals.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
+    intervals = intervals.filter(
+        pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(COORDINATES))
+    )
+    named = intervals.with_columns(statistic=pl.col("statistic").replace_strict(_STATISTICS, return_dtype=pl.String))
     root = pl.col("statistic") == _SPREAD
     ends = {end: pl.when(root).then(pl.col(end).clip(lower_bound=0.0).sqrt()).otherwise(end) for end in ("low", "high")}
     return bands.side_by_side(named.with_columns(**ends), ["tracker", "statistic", "at"]).drop_nulls(list(BOUNDS))
@@ -239,8 +241,8 @@ def time_structure_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _time_structure_message(data: ReportData) -> str:
     """The verdict of the first tracker whose error behaves alike in u and v; empty where none is established."""
-    known = ((tracker, kind) for tracker in data.trackers if (kind := behaviour(data, tracker)))
-    return next((sentence_case(_SENTENCES[kind].format(tracker)) for tracker, kind in known), "")
+    kinds = ((tracker, kind) for tracker in data.trackers if (kind := behaviour(data, tracker)))
+    return next((sentence_case(_SENTENCES[kind].format(tracker)) for tracker, kind in kinds), "")
 
 
 def tables(data: ReportData) -> Sequence[Cells]:
@@ -274,9 +276,9 @@ def _titled(data: ReportData, title: str, trimming: str) -> str:
     return title if data.percentile is None else f"{trimming}, {title}"
 
 
-def _growth(data: ReportData, every: pl.DataFrame, fits: pl.DataFrame, coordinate: str, trimming: str) -> Panel:
+def _growth(data: ReportData, all_points: pl.DataFrame, fits: pl.DataFrame, coordinate: str, trimming: str) -> Panel:
     """Measured second moments, and the fit over the same distances."""
-    points = every.filter(trimming=trimming)
+    points = all_points.filter(trimming=trimming)
     measured = points.select(
         "tracker", "distance", "n", moment=pl.col(coordinate) ** 2, low=pl.col(f"{coordinate}_low") ** 2,
         high=pl.col(f"{coordinate}_high") ** 2,
@@ -338,9 +340,9 @@ def _fitted_moment(row: Mapping[str, Any], k: NDArray[np.float64]) -> NDArray[np
 def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimming: str) -> Panel:
     """Autocorrelation of the changes at every speed, with those of a random walk and of white noise."""
     names = ["autocorrelation", "autocorrelation_low", "autocorrelation_high"]
-    known = table.filter(coordinate=coordinate, trimming=trimming).drop_nulls("autocorrelation")
-    known = known.select("tracker", pl.col("speed").cast(pl.String), value=names[0], low=names[1], high=names[2])
-    ends = pl.concat([known["value"], known["low"], known["high"], pl.Series([-0.55, 0.1])])
+    rows = table.filter(coordinate=coordinate, trimming=trimming).drop_nulls("autocorrelation")
+    rows = rows.select("tracker", pl.col("speed").cast(pl.String), value=names[0], low=names[1], high=names[2])
+    ends = pl.concat([rows["value"], rows["low"], rows["high"], pl.Series([-0.55, 0.1])])
     x = alt.X("speed:N", sort=[str(speed) for speed in data.speeds], axis=alt.Axis(labelAngle=0))
     y = alt.Y(
         "value:Q",
@@ -354,7 +356,7 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimmin
         alt.Tooltip("speed:N"),
         *(alt.Tooltip(f"{name}:Q", format=".3f") for name in ("value", "low", "high")),
     ]
-    base = alt.Chart(marks.rows(known)).encode(x=x, xOffset=offset, color=hue, opacity=opacity, tooltip=tips)
+    base = alt.Chart(marks.rows(rows)).encode(x=x, xOffset=offset, color=hue, opacity=opacity, tooltip=tips)
     dots = base.mark_point(size=40).encode(y=y)
     bars = base.transform_filter("isValid(datum.low) && isValid(datum.high)").mark_rule(strokeWidth=1.5)
     references = alt.Chart(marks.rows(_TIME_STRUCTURE_REFERENCES))
@@ -369,9 +371,9 @@ def _correlation(data: ReportData, table: pl.DataFrame, coordinate: str, trimmin
 def _look_for_time_structure(data: ReportData, nominal: pl.DataFrame) -> str:
     shown = nominal.filter(trimming=data.trimming)
     parts = [_sentences(row) for tracker in data.trackers for row in shown.filter(tracker=tracker).to_dicts()]
-    which = "" if data.percentile is None else f", {data.trimming}"
+    trimming = "" if data.percentile is None else f", {data.trimming}"
     numbers = (
-        f"At speed {data.slowest}{which}, {' '.join([*parts[:1], *map(sentence_case, parts[1:])])} " if parts else ""
+        f"At speed {data.slowest}{trimming}, {' '.join([*parts[:1], *map(sentence_case, parts[1:])])} " if parts else ""
     )
     return (
         f"{numbers}A flat line is a constant error. It is white noise if the autocorrelation of its changes is near "

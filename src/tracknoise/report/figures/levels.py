@@ -47,17 +47,17 @@ def comparison(
 ) -> Figure | Absence:
     """A figure of the errors that the experiment is about, trimmed or not, unless `trimming` says which."""
     kept = points.filter(trimming=trimming or data.trimming, population=data.population)
-    found = readings(kept, series)
-    if not found:
+    curve_readings = readings(kept, series)
+    if not curve_readings:
         return Absence(id, title, f"No {data.axis.name} has enough features with a known error, so there is no curve.")
-    missing = [label for label in series.colours if label not in {one.name for one in found}]
+    missing = [label for label in series.colours if label not in {reading.name for reading in curve_readings}]
     no_curve = f" No {data.axis.name} has enough features {series.phrase.format(listing(missing))}."
     dashed = " Dashed: covariance about the mean." if len(series.colours) <= MANY else ""
     return Figure(
         id,
         title,
         f"{shows}{dashed} {describe_bands(kept, series)} {_boxes_explained(data)}",
-        f"{_numbers(data, found, series, role)}{no_curve if missing else ''} {advice}",
+        f"{_numbers(data, curve_readings, series, role)}{no_curve if missing else ''} {advice}",
         _chart(data, kept, series),
         message,
     )
@@ -93,28 +93,28 @@ def _boxes_explained(data: ReportData) -> str:
     )
 
 
-def _numbers(data: ReportData, found: list[Reading], series: Series, role: str) -> str:
+def _numbers(data: ReportData, curve_readings: list[Reading], series: Series, role: str) -> str:
     """A statistic of every curve, or of the two that differ most where there are many."""
-    place = when(found, data.axis, phrase=series.phrase)
-    if len(found) <= MANY:
-        values = [f"{series.phrase.format(one.name)} {{}} {one.describe(role)}." for one in found]
+    place = when(curve_readings, data.axis, phrase=series.phrase)
+    if len(curve_readings) <= MANY:
+        values = [f"{series.phrase.format(curve.name)} {{}} {curve.describe(role)}." for curve in curve_readings]
         first, *others = values
-        rest = [f" {sentence_case(text.format('it is'))}" for text in others]
-        return f"{place} the {_NAMES[role]} {first.format('is')}{''.join(rest)}"
-    if len({reading.since for reading in found}) > 1:
+        continued = [f" {sentence_case(text.format('it is'))}" for text in others]
+        return f"{place} the {_NAMES[role]} {first.format('is')}{''.join(continued)}"
+    if len({reading.since for reading in curve_readings}) > 1:
         place = f"At the available {data.axis.name} nearest to {data.axis.place(REFERENCE_AGE).removeprefix('at ')},"
-    ends = " and ".join(_range(data, found, series, role, coordinate) for coordinate in (0, 1))
+    ends = " and ".join(_range(data, curve_readings, series, role, coordinate) for coordinate in (0, 1))
     return f"{place} the {_NAMES[role]} is {ends}."
 
 
-def _range(data: ReportData, found: list[Reading], series: Series, role: str, coordinate: int) -> str:
+def _range(data: ReportData, curve_readings: list[Reading], series: Series, role: str, coordinate: int) -> str:
     """The curves with the smallest and the largest value in u (0) or v (1), with their ages if these differ."""
-    differ = len({reading.since for reading in found}) > 1
-    ordered = sorted(found, key=lambda one: one.values[role][coordinate])
+    differ = len({reading.since for reading in curve_readings}) > 1
+    ordered = sorted(curve_readings, key=lambda curve: curve.values[role][coordinate])
     ends = []
-    for one in (ordered[0], ordered[-1]):
-        place = f", {data.axis.place(one.since)}" if differ else ""
-        ends.append(f"{px(one.values[role][coordinate])} ({series.phrase.format(one.name)}{place})")
+    for curve in (ordered[0], ordered[-1]):
+        place = f", {data.axis.place(curve.since)}" if differ else ""
+        ends.append(f"{px(curve.values[role][coordinate])} ({series.phrase.format(curve.name)}{place})")
     return f"in {'uv'[coordinate]} between {listing(ends)}"
 
 
@@ -202,21 +202,21 @@ def _rotations_of(data: ReportData, tracker: str) -> Figure | Absence:
 
 
 def _directions_of(data: ReportData, tracker: str, trimming: Trimming) -> Figure | Absence:
-    other = trimming != data.trimming
-    errors = f"{trimming.capitalize()} errors" if other else data.errors_shown
+    is_other = trimming != data.trimming
+    errors = f"{trimming.capitalize()} errors" if is_other else data.errors_shown
     return comparison(
         data,
         data.across(data.points, "direction").filter(tracker=tracker, speed=data.slowest),
         Series("direction", _two(data, tracker, data.directions), "when played {}"),
-        id=f"error-by-direction-{data.slug(tracker)}{f'-{trimming}' if other else ''}",
-        title=f"{tracker}, {listing(data.directions, joint='and')}{f', {trimming}' if other else ''}",
+        id=f"error-by-direction-{data.slug(tracker)}{f'-{trimming}' if is_other else ''}",
+        title=f"{tracker}, {listing(data.directions, joint='and')}{f', {trimming}' if is_other else ''}",
         shows=f"{errors} of {tracker} at speed {data.slowest}{data.elsewhere('direction')} with "
         "the frames in recorded order and in reverse order.",
         advice="A mean error that changes its sign with the direction follows the motion in the image. One that keeps "
         "its sign does not.",
         role="mean",
         trimming=trimming,
-        message="" if other else effect(data, "direction", tracker, speed=data.slowest, roles=("mean",)),
+        message="" if is_other else effect(data, "direction", tracker, speed=data.slowest, roles=("mean",)),
     )
 
 
@@ -228,8 +228,8 @@ def lighting_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure per tracker, speed and sweep of the light, one colour per lighting. None for only one lighting."""
     if len(data.lightings) < 2:
         return []
-    each = product(data.trackers, data.speeds, light_sweeps.sweeps(data))
-    return [_lightings_of(data, tracker, speed, sweep) for tracker, speed, sweep in each]
+    combinations = product(data.trackers, data.speeds, light_sweeps.sweeps(data))
+    return [_lightings_of(data, tracker, speed, sweep) for tracker, speed, sweep in combinations]
 
 
 def _lightings_of(data: ReportData, tracker: str, speed: int, sweep: str) -> Figure | Absence:
@@ -280,8 +280,8 @@ def boxes(data: ReportData) -> pl.DataFrame:
     """Columns tracker, speed, lighting and those of a box of lifetimes."""
     table = data.across(data["lifetimes"], "lighting").with_columns(n=pl.col("n_ended") + pl.col("n_censored"))
     groups = table.group_by(_KEYS).agg("lifetime", "n").sort(_KEYS)
-    made = [asdict(box_of_counts(row["lifetime"], row["n"])) for row in groups.iter_rows(named=True)]
-    return groups.select(_KEYS).hstack(pl.DataFrame(made))
+    summaries = [asdict(box_of_counts(row["lifetime"], row["n"])) for row in groups.iter_rows(named=True)]
+    return groups.select(_KEYS).hstack(pl.DataFrame(summaries))
 
 
 def _look_for(data: ReportData, table: pl.DataFrame) -> str:

@@ -17,18 +17,18 @@ _OTHERS = "other light"
 
 def sweeps(data: ReportData) -> dict[str, list[str]]:
     """All lightings but the reference, by the direction in which the light moves: ``LR3`` from left to right."""
-    found: dict[str, list[str]] = {title: [] for title in (*(title for title, _ in _SWEEPS.values()), _OTHERS)}
+    by_title: dict[str, list[str]] = {title: [] for title in (*(title for title, _ in _SWEEPS.values()), _OTHERS)}
     for name in data.lightings:
         if name != data.view["lighting"]:
-            found[_sweep(name)].append(name)
-    return {title: names for title, names in found.items() if names}
+            by_title[_sweep(name)].append(name)
+    return {title: names for title, names in by_title.items() if names}
 
 
 def colours(data: ReportData, tracker: str, sweep: str) -> dict[str, str]:
     """Colour of each lighting of a sweep: black for the reference, then `levels` of a colour."""
     names = sweeps(data)[sweep]
-    made = style.levels(dict(_SWEEPS.values()).get(sweep, data.colour[tracker]), len(names))
-    return {data.view["lighting"]: style.BLACK, **dict(zip(names, made, strict=True))}
+    hues = style.levels(dict(_SWEEPS.values()).get(sweep, data.colour[tracker]), len(names))
+    return {data.view["lighting"]: style.BLACK, **dict(zip(names, hues, strict=True))}
 
 
 def legend(data: ReportData) -> str:
@@ -66,5 +66,5 @@ def boxes(data: ReportData, table: pl.DataFrame, y: alt.Y, *, interval: tuple[st
 
 
 def _sweep(name: str) -> str:
-    found = re.fullmatch(r"(LR|BF)\d+", name, flags=re.IGNORECASE)
-    return _SWEEPS[found[1].upper()][0] if found else _OTHERS
+    match = re.fullmatch(r"(LR|BF)\d+", name, flags=re.IGNORECASE)
+    return _SWEEPS[match[1].upper()][0] if match else _OTHERS

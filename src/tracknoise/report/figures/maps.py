@@ -45,9 +45,9 @@ def image_map_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _image_map_figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"image-map-{data.slug(tracker)}", f"{tracker}, by place in the image"
-    every = data.nominal(data["image_cells"]).filter(pl.col("tracker") == tracker)
+    all_cells = data.nominal(data["image_cells"]).filter(pl.col("tracker") == tracker)
     enough = pl.col("n").sum().over("at") >= data.min_features
-    cells = every.filter(enough).filter(pl.col("n") >= _FEWEST)
+    cells = all_cells.filter(enough).filter(pl.col("n") >= _FEWEST)
     if cells.is_empty():
         return Absence(name, title, f"No age has {data.min_features} features with a known error.")
     ages = cells["at"].unique().sort().to_list()
@@ -186,8 +186,8 @@ def _image_speed_message(data: ReportData, points: pl.DataFrame) -> str:
     first = points.filter(pl.col("at") == pl.col("at").min(), coordinate="along")
     fastest = first.filter(pl.col("class_low") == pl.col("class_low").max().over("tracker"))
     lagging = dict(fastest.filter(pl.col("high") < 0).select("tracker", "mean_px").iter_rows())
-    found = {name: px(-lagging[name]) for name in data.trackers if name in lagging}
-    return values(found, "Lag behind the fastest motion")
+    texts = {name: px(-lagging[name]) for name in data.trackers if name in lagging}
+    return values(texts, "Lag behind the fastest motion")
 
 
 def _look_for_image_speed(data: ReportData, points: pl.DataFrame) -> str:
@@ -210,8 +210,8 @@ def _image_speed_panel(data: ReportData, points: pl.DataFrame, at: int, coordina
     title = f"{_DIRECTIONS[coordinate]}, {data.axis.place(data.since_zero(at))}"
     speeds = alt.Scale(type="log", domain=_range(points), nice=False)
     x = alt.X("at:Q", title="speed of the image (px per frame)", scale=speeds, axis=_TICKS)
-    both = points.filter(at=at)
-    domain = marks.holding(both["mean_px"], pl.concat([both["low"], both["high"]]))
+    at_age = points.filter(at=at)
+    domain = marks.holding(at_age["mean_px"], pl.concat([at_age["low"], at_age["high"]]))
     y = alt.Y(
         "u:Q",
         title="mean error (px)" if coordinate == "along" else None,
@@ -252,14 +252,14 @@ def surrounding_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _surrounding_figure(data: ReportData, tracker: str) -> Figure | Absence:
     name, title = f"surroundings-{data.slug(tracker)}", f"{tracker}, by surroundings of the feature"
-    every = data.nominal(data["surrounding_errors"]).filter(pl.col("tracker") == tracker)
-    at = _last_age(every, data.min_features)
+    errors = data.nominal(data["surrounding_errors"]).filter(pl.col("tracker") == tracker)
+    at = _last_age(errors, data.min_features)
     if at is None:
         why = f"No age has {data.min_features} features with a known error and a known depth."
         return Absence(name, title, why)
-    table = every.filter(pl.col("at") == at, pl.col("n") >= _SURROUNDING_FEWEST)
+    table = errors.filter(pl.col("at") == at, pl.col("n") >= _SURROUNDING_FEWEST)
     points = _points(table)
-    present = [one for one in _PROPERTIES if one in points["surrounding"].unique()]
+    present = [surrounding for surrounding in _PROPERTIES if surrounding in points["surrounding"].unique()]
     where = f"{data.axis.place(data.since_zero(at))} at speed {data.slowest}{data.where}"
     shows = (
         f"Untrimmed errors of {tracker} {where}, by what surrounds a feature in its first frame. Distances to a depth "
@@ -270,7 +270,7 @@ def _surrounding_figure(data: ReportData, tracker: str) -> Figure | Absence:
         f"{describe_bounds(points, of='the values', marks='Bars around')}"
     )
     colours = dict(zip(_COORDINATES.values(), style.shades(data.colour[tracker], len(_COORDINATES)), strict=True))
-    panels = [_surrounding_panel(points, one, row, colours) for row in _ROWS for one in present]
+    panels = [_surrounding_panel(points, surrounding, row, colours) for row in _ROWS for surrounding in present]
     spec = arranged(panels, columns=len(present))
     return Figure(name, title, shows, _look_for_surroundings(table), spec, surroundings_message(tracker, table))
 
@@ -325,9 +325,9 @@ def _surrounding_panel(points: pl.DataFrame, surrounding: Surrounding, row: str,
 
 def _positive(table: pl.DataFrame) -> pl.DataFrame:
     """Rows that a logarithmic axis can show; bounds of zero begin below all values."""
-    known = table.filter(pl.col("value") > 0)
-    least = known["value"].min()
-    return known if least is None else known.with_columns(pl.col("low", "high").clip(lower_bound=float(least) / 10.0))  # type: ignore[arg-type]
+    shown = table.filter(pl.col("value") > 0)
+    least = shown["value"].min()
+    return shown if least is None else shown.with_columns(pl.col("low", "high").clip(lower_bound=float(least) / 10.0))  # type: ignore[arg-type]
 
 
 def _scale(points: pl.DataFrame, row: str) -> alt.Scale:
@@ -335,8 +335,8 @@ def _scale(points: pl.DataFrame, row: str) -> alt.Scale:
     values, ends = points["value"], pl.concat([points["low"], points["high"]])
     if row == "mean":
         return alt.Scale(domain=marks.holding(values, ends), nice=False)
-    known = values.filter(values > 0)
-    low, high = (float(known.min()), float(known.max())) if known.len() else (0.1, 1.0)  # type: ignore[arg-type]
+    positive = values.filter(values > 0)
+    low, high = (float(positive.min()), float(positive.max())) if positive.len() else (0.1, 1.0)  # type: ignore[arg-type]
     highest = float(points["high"].max() or high)  # type: ignore[arg-type]
     return alt.Scale(type="log", domain=[low / 1.6, min(max(2.0 * high, 1.1 * highest), 20.0 * high)], nice=False)
 

@@ -70,8 +70,8 @@ def scale(colours: Mapping[str, str]) -> alt.Scale:
 
 def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
     """Axis bounds that include all values with some margin. Never empty."""
-    known = values.drop_nulls()
-    low, high = (float(known.min()), float(known.max())) if known.len() else (0.0, 1.0)  # type: ignore[arg-type]
+    numbers = values.drop_nulls()
+    low, high = (float(numbers.min()), float(numbers.max())) if numbers.len() else (0.0, 1.0)  # type: ignore[arg-type]
     low = min(low, 0.0) if zero else low
     room = 0.06 * (high - low) or 0.5
     return [low if zero and low == 0.0 else low - room, high + room]
@@ -79,12 +79,12 @@ def domain(values: pl.Series, *, zero: bool = False) -> list[float]:
 
 def holding(curves: pl.Series, ends: pl.Series) -> list[float]:
     """Axis bounds that include zero, the curves, and the ends of their bands unless these would shrink the curves."""
-    known = curves.drop_nulls()
-    if known.is_empty():
-        return domain(known, zero=True)
-    low, high = min(0.0, float(known.min())), max(0.0, float(known.max()))  # type: ignore[arg-type]
-    held = pl.concat([known, ends.drop_nulls()]).clip(low - (high - low), high + (high - low))
-    return domain(held, zero=True)
+    numbers = curves.drop_nulls()
+    if numbers.is_empty():
+        return domain(numbers, zero=True)
+    low, high = min(0.0, float(numbers.min())), max(0.0, float(numbers.max()))  # type: ignore[arg-type]
+    extent = pl.concat([numbers, ends.drop_nulls()]).clip(low - (high - low), high + (high - low))
+    return domain(extent, zero=True)
 
 
 def band(
@@ -92,10 +92,10 @@ def band(
 ) -> list[alt.Chart]:
     """Areas between the bounds of a coordinate along ``at``, one per value of `field`. Empty without bounds."""
     low, high = f"{coordinate}_low", f"{coordinate}_high"
-    known = table.select(field, "at", low, high).drop_nulls()
-    if known.is_empty():
+    bounds = table.select(field, "at", low, high).drop_nulls()
+    if bounds.is_empty():
         return []
-    area = alt.Chart(rows(known)).mark_area(clip=True, tooltip=None)
+    area = alt.Chart(rows(bounds)).mark_area(clip=True, tooltip=None)
     return [area.encode(x=x, y=on(y, low), y2=alt.Y2(f"{high}:Q"), fill=fill(field, colours), opacity=faint(field))]
 
 

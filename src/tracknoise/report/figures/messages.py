@@ -47,14 +47,14 @@ def trackers(data: ReportData, role: str, text: str) -> str:
     for row in _rows(data, "tracker", None, data.slowest, role):
         pair = [row["level_a"], row["level_b"]]
         if row["verdict"] == Verdict.yes and row["larger"] in pair and row["at"] is None:
-            other = pair[1 - pair.index(row["larger"])]
-            return text.format(row["larger"], ratio(row["effect"]), other)
+            smaller = pair[1 - pair.index(row["larger"])]
+            return text.format(row["larger"], ratio(row["effect"]), smaller)
     return ""
 
 
 def _rows(data: ReportData, factor: str, tracker: str | None, speed: int | None, role: str) -> list[dict[str, Any]]:
     """Comparisons of several levels of a factor by one statistic; none where they differ by more than that."""
-    names = [name for name, of in ROLES.items() if of == role]
+    names = [name for name, statistic_role in ROLES.items() if statistic_role == role]
     rows = data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
     rows = rows.filter(pl.col("speed").eq_missing(speed), pl.col("tracker").eq_missing(tracker)).drop_nulls("effect")
     return rows.to_dicts() if rows.height == 1 else []
@@ -103,8 +103,8 @@ def _beside_edges(tracker: str, table: pl.DataFrame) -> str:
 
 def _above(row: Mapping[str, Any] | None, other: Mapping[str, Any] | None) -> bool:
     """Whether the interval of a row lies above that of another one, whose value is positive."""
-    known = row is not None and other is not None and row["low"] is not None and other["high"] is not None
-    return known and row["low"] > other["high"] and other["value"] > 0  # type: ignore[index]
+    is_known = row is not None and other is not None and row["low"] is not None and other["high"] is not None
+    return is_known and row["low"] > other["high"] and other["value"] > 0  # type: ignore[index]
 
 
 def _of_occluded(tracker: str, table: pl.DataFrame) -> str:

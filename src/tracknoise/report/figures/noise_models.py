@@ -72,8 +72,8 @@ _MODEL_FIT_ADVICE = "Where the line leaves the band, one set of components does 
 
 def _curves(data: ReportData, models: Mapping[str, NoiseModel]) -> dict[str, pl.DataFrame]:
     """Measured and modelled errors of each tracker. The sums of all trackers are read together."""
-    own = pl.col("tracker").is_in(list(models)) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
-    sums = pl.concat([table.filter(own) for table in data.run.stored_tables("noise_sums")])
+    chosen = pl.col("tracker").is_in(list(models)) & (pl.col("speed") == data.slowest) & (pl.col("product") == "error")
+    sums = pl.concat([table.filter(chosen) for table in data.run.stored_tables("noise_sums")])
     groups = groups_of_run(data.run)
     return {
         tracker: fitted_curve(sums.filter(tracker=tracker), model.components, groups=groups)
@@ -83,13 +83,13 @@ def _curves(data: ReportData, models: Mapping[str, NoiseModel]) -> dict[str, pl.
 
 def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:
     """Components of the model, and how far it is off."""
-    parts = [(one, getattr(model, one.name)) for one in COMPONENTS]
-    kept = [(one, part.sigma.value) for one, part in parts if part.why_dropped is None]
-    stated = ", ".join(f"{one.phrase} {number(value)}{SPACE}{one.unit}" for one, value in kept)
-    known = curve.drop_nulls(["measured", "modelled"]).filter(pl.col("measured") > 0.0)
-    if known.is_empty():
+    parts = [(component, getattr(model, component.name)) for component in COMPONENTS]
+    kept = [(component, part.sigma.value) for component, part in parts if part.why_dropped is None]
+    stated = ", ".join(f"{component.phrase} {number(value)}{SPACE}{component.unit}" for component, value in kept)
+    compared = curve.drop_nulls(["measured", "modelled"]).filter(pl.col("measured") > 0.0)
+    if compared.is_empty():
         return f"{tracker}: {stated}."
-    off = (known["modelled"] / known["measured"] - 1.0).abs().max()
+    off = (compared["modelled"] / compared["measured"] - 1.0).abs().max()
     return f"{tracker}: {stated}; at most {100.0 * float(off):.0f}{SPACE}% from the measured errors."  # type: ignore[arg-type]
 
 
@@ -142,8 +142,8 @@ def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
-    own = table.filter(tracker=tracker).sort("line", "at")
-    columns = own.select("line", "at", "n", u="value", u_low="low", u_high="high")
+    rows = table.filter(tracker=tracker).sort("line", "at")
+    columns = rows.select("line", "at", "n", u="value", u_low="low", u_high="high")
     x = marks.along(table["at"], title="observations in a window", from_zero=True)
     domain = marks.holding(table["value"], pl.concat([table["low"], table["high"]]))
     y = alt.Y("u:Q", title="sigma (px)", scale=alt.Scale(domain=domain, nice=False))
@@ -224,22 +224,22 @@ def _advice(table: pl.DataFrame, trackers: Sequence[str]) -> str:
     """What a 95 % interval holds, and what to look for."""
     sentences = []
     for tracker in trackers:
-        own = table.filter(tracker=tracker, at=95)
-        held = {name: f"{share:.0f}{SPACE}%" for name, share in own.select("covariance", "u").iter_rows()}
+        rows = table.filter(tracker=tracker, at=95)
+        shares = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "u").iter_rows()}
         stated = [
-            f"{held[name]} with the {name}"
+            f"{shares[name]} with the {name}"
             for name in _DEPTH_INTERVAL_COLOURS
-            if name in held and name in (_RESIDUAL, "consistent sigma")
+            if name in shares and name in (_RESIDUAL, "consistent sigma")
         ]
-        stated += [f"{held['whole tracks']} with the covariance of whole tracks"] if "whole tracks" in held else []
+        stated += [f"{shares['whole tracks']} with the covariance of whole tracks"] if "whole tracks" in shares else []
         sentences.append(f"For {tracker}, 95{SPACE}% intervals hold {', '.join(stated)}.")
     last = "Lines below the diagonal claim depths that are more certain than they are."
     return " ".join([*map(sentence_case, sentences), last])
 
 
 def _depth_interval_panel(table: pl.DataFrame, tracker: str) -> Panel:
-    own = table.filter(tracker=tracker).sort("covariance", "at")
-    columns = own.select("covariance", "at", "n", "u", "u_low", "u_high")
+    rows = table.filter(tracker=tracker).sort("covariance", "at")
+    columns = rows.select("covariance", "at", "n", "u", "u_low", "u_high")
     scale = alt.Scale(domain=[40, 100], nice=False, clamp=True)
     x = alt.X("at:Q", title="level of the claimed interval (%)", scale=scale, axis=alt.Axis(values=[*LEVELS.values()]))
     y = alt.Y("u:Q", title="true depths inside (%)", scale=alt.Scale(domain=[0, 100], nice=False))
@@ -276,7 +276,7 @@ def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if shares.is_empty():
         return []
     lines = shares.select("tracker", "line").unique().sort("line").rows()
-    colours = _colours_of([name for tracker in data.trackers for of, name in lines if of == tracker])
+    colours = _colours_of([name for tracker in data.trackers for owner, name in lines if owner == tracker])
     bounded = pl.concat([shares, nees]).drop_nulls(["u_low", "u_high"])
     shows = (
         f"Left: share of the errors inside the regions of a level. Right: NEES by {data.axis.name}, the mean of the "
@@ -285,9 +285,9 @@ def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
         f"{describe_intervals(bounded, of='the lines', n_scenes='n_scenes')}"
     )
     panels = [_coverage_panel(shares, colours), *([_nees_panel(data, nees, colours)] if nees.height else [])]
-    said = [*filter(None, (covariance_sentence(data, tracker) for tracker in data.trackers))]
+    sentences = [*filter(None, (covariance_sentence(data, tracker) for tracker in data.trackers))]
     spec = arranged(panels, columns=2, independent=["fill"])
-    look_for = " ".join([*said, _COVARIANCE_ADVICE])
+    look_for = " ".join([*sentences, _COVARIANCE_ADVICE])
     return [Figure(_COVARIANCE_ID, _COVARIANCE_TITLE, shows, look_for, spec, covariance_message(data))]
 
 
@@ -306,8 +306,8 @@ def _coverage_panel(shares: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
 def _nees_panel(data: ReportData, nees: pl.DataFrame, colours: Mapping[str, str]) -> Panel:
     columns = nees.sort("line", "at").select("line", "at", "n", "u", "u_low", "u_high")
     x = marks.along(columns["at"], title=data.axis.title, from_zero=data.axis is AGE)
-    held = pl.concat([columns["u"], pl.Series([1.0])])
-    domain = [cast(float, held.min()) / 2.0, cast(float, held.max()) * 2.0]
+    values = pl.concat([columns["u"], pl.Series([1.0])])
+    domain = [cast(float, values.min()) / 2.0, cast(float, values.max()) * 2.0]
     y = alt.Y("u:Q", title="NEES", scale=alt.Scale(type="log", domain=domain, nice=False, clamp=True))
     first, last = columns["at"].min(), columns["at"].max()
     return _covariance_panel(columns, x, y, colours, "NEES", _dashed((first, 1.0), (last, 1.0), x, y))

@@ -74,7 +74,7 @@ def _join(parameter: Spec, selection: Mapping[str, Any], view: str) -> None:
     parameter["views"].append(view)
     if "value" in parameter:
         start = parameter["value"]
-        parameter["value"] = [*start, *(one for one in selection["value"] if one not in start)]
+        parameter["value"] = [*start, *(entry for entry in selection["value"] if entry not in start)]
 
 
 def _limit_title(spec: Spec) -> None:
@@ -90,10 +90,10 @@ class _Layers(alt.LayerChart):
     def copy(self, deep: bool | Iterable[Any] = True, ignore: list[str] | None = None) -> Self:
         if deep:
             return super().copy(deep, ignore)
-        whole = type(self)()
+        copied = type(self)()
         for name, value in self._kwds.items():
-            whole[name] = value
-        return whole
+            copied[name] = value
+        return copied
 
 
 def layered(*charts: alt.Chart) -> alt.LayerChart:
@@ -101,14 +101,14 @@ def layered(*charts: alt.Chart) -> alt.LayerChart:
 
     `altair.layer` gives the same, but copies every chart and its data four times.
     """
-    whole = _Layers()
+    layers = _Layers()
     if all(chart.data is charts[0].data for chart in charts):
-        whole.data = charts[0].data
+        layers.data = charts[0].data
         charts = tuple(chart.copy(deep=False) for chart in charts)
         for chart in charts:
             chart.data = alt.Undefined
-    whole.layer = list(charts)
-    return whole
+    layers.layer = list(charts)
+    return layers
 
 
 def _unit(spec: Spec, layer: int) -> Spec:
@@ -133,8 +133,8 @@ def side_by_side(table: pl.DataFrame, value: str, keys: list[str]) -> pl.DataFra
         for axis in "uv"
     )
     kinds = table.filter(coordinate="u").select(*keys, "age", "n", "level", "resampled", n_resampled="n_scenes")
-    both = u.join(v, on=[*keys, "age"]).join(kinds, on=[*keys, "age"])
-    return both.with_columns(at=pl.col("age").cast(pl.Int64)).drop("age").sort(*keys, "at")
+    rows = u.join(v, on=[*keys, "age"]).join(kinds, on=[*keys, "age"])
+    return rows.with_columns(at=pl.col("age").cast(pl.Int64)).drop("age").sort(*keys, "at")
 
 
 def panels(table: pl.DataFrame, field: str, colours: Mapping[str, str], heading: str, *, titled: bool) -> list[Panel]:
@@ -284,12 +284,12 @@ def _interval(
 
     They are beside the box, where they hide neither the mean nor the median.
     """
-    known = beads.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
+    bounded = beads.transform_filter(f"isValid(datum[{low!r}]) && isValid(datum[{high!r}])")
     tips = [alt.Tooltip(f"{name}:Q", format=".4~g", title=name.replace("_", " ")) for name in (value, low, high)]
-    line = known.mark_rule(color=style.INK, strokeWidth=wide / 2, opacity=1, xOffset=aside).encode(
+    line = bounded.mark_rule(color=style.INK, strokeWidth=wide / 2, opacity=1, xOffset=aside).encode(
         y=marks.on(y, low), y2=alt.Y2(f"{high}:Q"), tooltip=tips
     )
-    dot = known.mark_point(color=style.INK, size=0.8 * wide**2, opacity=1, xOffset=aside).encode(
+    dot = bounded.mark_point(color=style.INK, size=0.8 * wide**2, opacity=1, xOffset=aside).encode(
         y=marks.on(y, value), tooltip=tips
     )
     return [line, dot]

@@ -86,13 +86,13 @@ def _span_chart(ranks: pl.DataFrame, order: Sequence[str], colours: Mapping[str,
 def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """What to set against the cost of a step."""
     settings = list(noise_to_set(data))
-    sigmas = {one.tracker: one.sigma.value for one in settings if one.sigma.value}
+    sigmas = {setting.tracker: setting.sigma.value for setting in settings if setting.sigma.value}
     costs = {name: cost for name, cost in read_costs(data.run).items() if cost > 0.0}
-    both = [name for name in data.trackers if name in sigmas and name in costs]
-    if not both:
+    trackers = [name for name in data.trackers if name in sigmas and name in costs]
+    if not trackers:
         return []
     points = pl.DataFrame(
-        {"tracker": both, "ms": [costs[name] for name in both], "px": [sigmas[name] for name in both]},
+        {"tracker": trackers, "ms": [costs[name] for name in trackers], "px": [sigmas[name] for name in trackers]},
         schema={"tracker": pl.String, "ms": pl.Float64, "px": pl.Float64},
     ).sort("ms", "px")
     front = points.filter(pl.col("px") < pl.col("px").cum_min().shift(1).fill_null(float("inf")))
@@ -111,7 +111,11 @@ def cost_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _bound(settings: Sequence[NoiseToSet]) -> str:
-    return " The truth is not trusted: each sigma is an upper bound." if any(one.is_bound for one in settings) else ""
+    return (
+        " The truth is not trusted: each sigma is an upper bound."
+        if any(setting.is_bound for setting in settings)
+        else ""
+    )
 
 
 def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str, str]) -> alt.LayerChart:
@@ -150,8 +154,8 @@ def _apart(right: NDArray[np.float64], up: NDArray[np.float64], names: Sequence[
 
 
 def _tables(data: ReportData) -> Sequence[Cells]:
-    found = ranking_table(data)
-    return [] if found is None else [found]
+    ranking = ranking_table(data)
+    return [] if ranking is None else [ranking]
 
 
 FIGURES: Sections = {"error-by-tracker": (ranking_figures, cost_figures)}

@@ -84,8 +84,8 @@ def _feature_count_message(data: ReportData, nominal: pl.DataFrame) -> str:
     """The last age or frame at which enough features of each tracker have a known error."""
     enough = nominal.filter(pl.col("n") >= data.min_features, of=_MEASURED)
     last = dict(enough.group_by("tracker").agg(pl.col("at").max()).iter_rows())
-    found = {name: f"up to {data.axis.name} {last[name]}" for name in data.trackers if name in last}
-    return values(found, "Enough features for curves")
+    texts = {name: f"up to {data.axis.name} {last[name]}" for name in data.trackers if name in last}
+    return values(texts, "Enough features for curves")
 
 
 def _shows(data: ReportData) -> str:
@@ -132,12 +132,12 @@ def _sentence_by_age(data: ReportData, tracker: str, table: pl.DataFrame) -> str
 
 def _sentence_by_frame(data: ReportData, tracker: str, table: pl.DataFrame) -> str:
     key_frame = data.key_frame(data.view["direction"])
-    known = table.filter(of=_MEASURED).sort("at")
+    measured = table.filter(of=_MEASURED).sort("at")
     alive = int(table.filter(of=_ALL, at=key_frame)["n"].sum())
-    if known.is_empty():
+    if measured.is_empty():
         return f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. No error is known."
-    fixed = int(known.filter(at=key_frame)["n"].sum())
-    first, last = (f"{number(row['n'])} in frame {row['at']}" for row in known[[0, -1]].to_dicts())
+    fixed = int(measured.filter(at=key_frame)["n"].sum())
+    first, last = (f"{number(row['n'])} in frame {row['at']}" for row in measured[[0, -1]].to_dicts())
     return (
         f"{tracker} has {count(alive, 'feature')} in the key frame {key_frame}. The curves contain "
         f"{number(fixed)} of them. They begin with {first} and end with {last}."
@@ -191,10 +191,10 @@ def lifetime_figures(data: ReportData) -> Sequence[Figure | Absence]:
     nominal = table.filter(speed=data.slowest)
     if nominal.is_empty():
         return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so there are no tracks.")]
-    made: list[Figure | Absence] = [_by_tracker(data, nominal)]
+    figures: list[Figure | Absence] = [_by_tracker(data, nominal)]
     if len(data.speeds) > 1:
-        made += [_lifetimes_by_speed(data, table, tracker) for tracker in data.trackers]
-    return made
+        figures += [_lifetimes_by_speed(data, table, tracker) for tracker in data.trackers]
+    return figures
 
 
 def _by_tracker(data: ReportData, nominal: pl.DataFrame) -> Figure:
@@ -238,8 +238,8 @@ def _lifetimes_by_speed(data: ReportData, table: pl.DataFrame, tracker: str) -> 
 def _numbers(data: ReportData, table: pl.DataFrame, subjects: Mapping[str, str]) -> str:
     """Means, median and censored share of each series. Its first sentence begins with its subject."""
     labels = table.group_by("tracker", "speed", "series").agg(pl.col("n_censored").sum())
-    found = data.reference(data["summary"]).join(labels, on=["tracker", "speed"])
-    rows = {row["series"]: row for row in found.to_dicts()}
+    summaries = data.reference(data["summary"]).join(labels, on=["tracker", "speed"])
+    rows = {row["series"]: row for row in summaries.to_dicts()}
     until_failure = any(row["restricted_mean_until_failure"] is not None for row in rows.values())
     sentences = [_sentences(subject, rows[name]) for name, subject in subjects.items() if name in rows]
     return " ".join([*sentences, *([_FAILURE] if until_failure else [])])
@@ -259,8 +259,8 @@ def _sentences(subject: str, row: Mapping[str, Any]) -> str:
 def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
     hue, opacity = marks.colour("series", colours, title), marks.opacity("series")
     lines = [chart.encode(color=hue, opacity=opacity) for chart in (_histogram(table), _survival(table))]
-    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
-    band = _band(known.sort("series", "lifetime"), _LIFETIME_SHARE, colours)
+    bounds = table.select("series", pl.col("lifetime").cast(pl.Int64), "low", "high").drop_nulls()
+    band = _band(bounds.sort("series", "lifetime"), _LIFETIME_SHARE, colours)
     shown = (marks.shown("series", colours),)
     survival = layered(*band, lines[1]).properties(**_SIZE)
     panels = [Panel(lines[0].properties(**_SIZE), shown), Panel(survival, shown, layer=len(band))]
@@ -268,13 +268,15 @@ def _pair(table: pl.DataFrame, colours: Mapping[str, str], title: str) -> Spec:
 
 
 def _histogram(table: pl.DataFrame) -> alt.Chart:
-    found = table.select(
+    histogram = table.select(
         "series", "tracker", "speed", "lifetime", n=pl.col("n_ended") + pl.col("n_censored"), cut="n_censored"
     )
-    every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
-    dense = found.group_by("series", maintain_order=True).agg(pl.first("tracker", "speed"), lifetime=every)
+    lifetimes = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
+    dense = histogram.group_by("series", maintain_order=True).agg(pl.first("tracker", "speed"), lifetime=lifetimes)
     dense = dense.explode("lifetime")
-    counts = dense.join(found.drop("tracker", "speed"), on=["series", "lifetime"], how="left", maintain_order="left")
+    counts = dense.join(
+        histogram.drop("tracker", "speed"), on=["series", "lifetime"], how="left", maintain_order="left"
+    )
     counts = counts.with_columns(pl.col("n", "cut").fill_null(0)).with_columns(marks.drawn_count(pl.col("n")))
     tips = [
         alt.Tooltip("series:N", title="of"),
@@ -289,20 +291,20 @@ def _histogram(table: pl.DataFrame) -> alt.Chart:
 
 
 def _survival(table: pl.DataFrame) -> alt.Chart:
-    known = table.select("series", pl.col("lifetime").cast(pl.Int64), "survival").drop_nulls()
-    start = known.select("series").unique(maintain_order=True).with_columns(lifetime=pl.lit(0), survival=pl.lit(1.0))
-    points = pl.concat([start.cast({"lifetime": pl.Int64}), known]).sort("series", "lifetime")
+    shares = table.select("series", pl.col("lifetime").cast(pl.Int64), "survival").drop_nulls()
+    start = shares.select("series").unique(maintain_order=True).with_columns(lifetime=pl.lit(0), survival=pl.lit(1.0))
+    points = pl.concat([start.cast({"lifetime": pl.Int64}), shares]).sort("series", "lifetime")
     tips = [alt.Tooltip("series:N"), alt.Tooltip("lifetime:Q"), alt.Tooltip("survival:Q", format=".3f")]
     chart = alt.Chart(marks.rows(points)).mark_line(interpolate="step-after")
     encoded: alt.Chart = chart.encode(x=_LIFETIME, y=_LIFETIME_SHARE, tooltip=tips)
     return encoded
 
 
-def _band(known: pl.DataFrame, y: alt.Y, colours: Mapping[str, str]) -> list[alt.Chart]:
+def _band(bounds: pl.DataFrame, y: alt.Y, colours: Mapping[str, str]) -> list[alt.Chart]:
     """Areas between the bounds along lifetimes, one for each of the series. Empty where there are none."""
-    if known.is_empty():
+    if bounds.is_empty():
         return []
-    area = alt.Chart(marks.rows(known)).mark_area(interpolate="step-after", tooltip=None)
+    area = alt.Chart(marks.rows(bounds)).mark_area(interpolate="step-after", tooltip=None)
     fill, opacity = marks.fill("series", colours), marks.faint("series")
     return [area.encode(x=_LIFETIME, y=marks.on(y, "low"), y2=alt.Y2("high:Q"), fill=fill, opacity=opacity)]
 
@@ -370,10 +372,10 @@ def _sentence(tracker: str, table: pl.DataFrame) -> str:
 def _incidence_panel(table: pl.DataFrame, tracker: str, colour: str) -> Panel:
     hue, opacity = marks.colour("series", _COLOURS, "cause"), marks.opacity("series")
     tips = [alt.Tooltip("series:N", title="cause"), alt.Tooltip("lifetime:Q"), alt.Tooltip("incidence:Q", format=".3f")]
-    known = table.select("series", "lifetime", "incidence", "low", "high").sort("series", "lifetime")
-    line = alt.Chart(marks.rows(known.drop("low", "high"))).mark_line(interpolate="step-after")
+    shares = table.select("series", "lifetime", "incidence", "low", "high").sort("series", "lifetime")
+    line = alt.Chart(marks.rows(shares.drop("low", "high"))).mark_line(interpolate="step-after")
     line = line.encode(x=_LIFETIME, y=_INCIDENCE_SHARE, tooltip=tips, color=hue, opacity=opacity)
-    band = _band(known.drop_nulls(), _INCIDENCE_SHARE, _COLOURS)
+    band = _band(shares.drop_nulls(), _INCIDENCE_SHARE, _COLOURS)
     chart = layered(*band, line).properties(width=385, height=240, title=alt.Title(tracker, color=colour))
     return Panel(chart, (marks.shown("series", _COLOURS),), layer=len(band))
 

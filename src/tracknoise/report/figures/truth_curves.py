@@ -124,8 +124,8 @@ def pose_error_figures(data: ReportData) -> Sequence[Figure | Absence]:
     rows = [
         panel
         for place, (source, heading) in enumerate(_SOURCES.items())
-        if not (of := points.filter(fitted_to=source)).is_empty()
-        for panel in panels(of, "tracker", data.colour, heading, titled=place == 0)
+        if not (source_points := points.filter(fitted_to=source)).is_empty()
+        for panel in panels(source_points, "tracker", data.colour, heading, titled=place == 0)
     ]
     shows = (
         f"Share of the second moment about zero at speed {data.slowest}{data.where} that one small error of each "
@@ -152,8 +152,8 @@ def _pose_error_message(data: ReportData, table: pl.DataFrame) -> str:
     young = table.filter(pl.col("age") <= REFERENCE_AGE, coordinate="both", fitted_to=FittedTo.own)
     last = young.filter(pl.col("age") == pl.col("age").max().over("tracker"))
     shares = dict(last.filter(pl.col("low") > 0).select("tracker", "share").iter_rows())
-    found = {name: percent(shares[name]) for name in data.trackers if name in shares}
-    return values(found, "Share that pose errors explain")
+    texts = {name: percent(shares[name]) for name in data.trackers if name in shares}
+    return values(texts, "Share that pose errors explain")
 
 
 def _look_for_pose_errors(data: ReportData, table: pl.DataFrame) -> str:
@@ -174,8 +174,10 @@ def _pose_error_numbers(table: pl.DataFrame, tracker: str) -> str:
         return ""
     age = rows["age"].max()
     shares = {row["fitted_to"]: percent(row["share"]) for row in rows.filter(age=age).to_dicts()}
-    own = f"For {tracker}, pose errors explain {shares.get('own', 'an unknown share')} at age {number(age)}."  # type: ignore[arg-type]
-    return own if "others" not in shares else f"{own} Those fitted to other trackers explain {shares['others']}."
+    sentence = f"For {tracker}, pose errors explain {shares.get('own', 'an unknown share')} at age {number(age)}."  # type: ignore[arg-type]
+    return (
+        sentence if "others" not in shares else f"{sentence} Those fitted to other trackers explain {shares['others']}."
+    )
 
 
 _TWO_TRUTH_NAMES = {
@@ -192,9 +194,9 @@ def two_truth_figures(data: ReportData) -> Sequence[Figure]:
     """One figure per tracker at the lowest speed, and one of the poses. None without a second truth."""
     table = data.nominal(data["two_truths"]).filter(trimming=data.trimming, statistic="second")
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
-    made = [_two_truths_of_tracker(data, tracker, table.filter(tracker=tracker)) for tracker in present]
+    figures = [_two_truths_of_tracker(data, tracker, table.filter(tracker=tracker)) for tracker in present]
     poses = data.reference(data["pose_disagreement"])
-    return made if poses.is_empty() else [*made, _of_poses(data, poses)]
+    return figures if poses.is_empty() else [*figures, _of_poses(data, poses)]
 
 
 def _two_truths_of_tracker(data: ReportData, tracker: str, table: pl.DataFrame) -> Figure:
@@ -255,8 +257,8 @@ def _of_poses(data: ReportData, table: pl.DataFrame) -> Figure:
 
 def _points(table: pl.DataFrame, *, least: int) -> pl.DataFrame:
     """Columns that panels and descriptions need, where there are enough observations."""
-    known = table.filter(pl.col("n") >= least, pl.col("value").is_not_null())
-    return known.sort("coordinate", "series", "at")
+    rows = table.filter(pl.col("n") >= least, pl.col("value").is_not_null())
+    return rows.sort("coordinate", "series", "at")
 
 
 def _two_truth_panel(points: pl.DataFrame, title: str, x: alt.X) -> Panel:
@@ -345,12 +347,12 @@ def _audit_curve_message(tracker: str, curves: pl.DataFrame) -> str:
 
 
 def _audit_curve_panel(curves: pl.DataFrame, value: str, title: str, colours: dict[str, str]) -> Panel:
-    known = curves.drop_nulls(value)
-    x = marks.along(known["at"], title="age (frames)", from_zero=True)
-    y = alt.Y(f"{value}:Q", title=title, scale=alt.Scale(domain=marks.holding(known[value], known[value]), nice=False))
+    rows = curves.drop_nulls(value)
+    x = marks.along(rows["at"], title="age (frames)", from_zero=True)
+    y = alt.Y(f"{value}:Q", title=title, scale=alt.Scale(domain=marks.holding(rows[value], rows[value]), nice=False))
     tips = [alt.Tooltip("series:N", title="errors"), alt.Tooltip("at:Q"), alt.Tooltip(f"{value}:Q", format=".3g")]
     hue, opacity = marks.colour("series", colours, "errors"), marks.opacity("series")
-    line = alt.Chart(marks.rows(known.select("series", "at", value))).mark_line(clip=True)
+    line = alt.Chart(marks.rows(rows.select("series", "at", value))).mark_line(clip=True)
     drawn = line.encode(x=x, y=y, color=hue, opacity=opacity, tooltip=tips)
     return Panel(layered(drawn).properties(**_SIZE), (marks.shown("series", colours),), layer=0)
 

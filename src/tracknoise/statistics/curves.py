@@ -105,9 +105,9 @@ def aspect_curves(aspects: pl.DataFrame | Iterable[pl.DataFrame], *, min_feature
     SchemaError
         If a table has other columns.
     """
-    found = _curves(aspects, ASPECT_COLUMNS, "aspects", _ASPECT, min_features)
+    table = _curves(aspects, ASPECT_COLUMNS, "aspects", _ASPECT, min_features)
     undefined = (pl.col("aspect") == Aspect.gradient) & ~pl.col("statistic").is_in(_SIGNLESS)
-    return check(found.filter(~undefined), ASPECT_CURVES, "aspect curves")
+    return check(table.filter(~undefined), ASPECT_CURVES, "aspect curves")
 
 
 def _curves(
@@ -132,9 +132,9 @@ def _curves(
 def _pooled(chunks: Iterable[pl.DataFrame], schema: Schema, point: list[str]) -> pl.DataFrame:
     """The moments of every point, all scenes together, and the sums over scenes of each one's own statistics."""
     points = _with_sums(empty(schema), point)
-    others = [column for column in schema if column not in MOMENT_VALUES and column not in point]
+    labels = [column for column in schema if column not in MOMENT_VALUES and column not in point]
     for chunk in chunks:
-        scenes = chunk.filter(pl.col("n") > 0).sort(others, maintain_order=True)
+        scenes = chunk.filter(pl.col("n") > 0).sort(labels, maintain_order=True)
         points = _added(pl.concat([points, _with_sums(scenes, point)]), point)
     return points
 
@@ -196,8 +196,8 @@ def _mean_over_scenes(points: pl.DataFrame, statistic: str) -> tuple[NDArray[np.
 def _table(
     keys: pl.DataFrame, weighting: str, statistic: str, values: NDArray[np.float64], n_scenes: NDArray[np.int64]
 ) -> pl.DataFrame:
-    known = zip(_COLUMNS[statistic], values.T, strict=True)
-    columns = {name: pl.Series(column).fill_nan(None) for name, column in known}
+    named_values = zip(_COLUMNS[statistic], values.T, strict=True)
+    columns = {name: pl.Series(column).fill_nan(None) for name, column in named_values}
     names = {axis: called[statistic] for axis, called in NAMES.items()}
     table = keys.with_columns(
         pl.lit(None, dtype=pl.Float64).alias("uv"),

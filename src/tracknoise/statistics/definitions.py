@@ -76,8 +76,8 @@ def dropped_above(trims: pl.DataFrame) -> float | None:
     trims
         Schema `TRIMS`, of one run.
     """
-    found: list[float] = trims["percentile"].drop_nulls().unique().to_list()
-    return found[0] if found and found[0] < 100 else None
+    percentiles: list[float] = trims["percentile"].drop_nulls().unique().to_list()
+    return percentiles[0] if percentiles and percentiles[0] < 100 else None
 
 
 def upright(points: pl.DataFrame, *, signed: pl.Expr) -> pl.DataFrame:

@@ -53,7 +53,7 @@ def group_rows(table: pl.DataFrame, by: Sequence[str]) -> Groups:
     """Group the rows of `table` that agree in all columns of `by` (at least one)."""
     keys = table[list(by)]
     codes = [_codes(keys[name]) for name in by]
-    varying = [each for each in codes if each.any()] or codes[:1]
+    varying = [code for code in codes if code.any()] or codes[:1]
     index = varying[0] if len(varying) == 1 else number_combinations(varying)[1]
     return Groups(keys[_first_rows(index)], index)
 
@@ -203,8 +203,8 @@ def reduce_each(
     SchemaError
         If a table does not have the columns of `schema`.
     """
-    each = (check(table, schema, name) for table in tables_of(tables, name))
-    return pl.concat([reduce(empty(schema)), *map(reduce, each)])
+    checked = (check(table, schema, name) for table in tables_of(tables, name))
+    return pl.concat([reduce(empty(schema)), *map(reduce, checked)])
 
 
 def tables_of(tables: object, name: str) -> Iterator[pl.DataFrame]:
@@ -298,20 +298,20 @@ def by_condition(
         for key, part in reduce(chunk).partition_by(POOLED, as_dict=True, include_key=False).items():
             parts.setdefault(key, []).append(part)
     columns = reduce(empty(schema)).columns
-    found = {}
+    by_key = {}
     for key in sorted(parts):
-        known = dict(zip(POOLED, names(key, schema), strict=True))
-        found[key] = pl.concat(parts[key]).select_seq(known.get(column, pl.col(column)) for column in columns)
-    return found
+        labels = dict(zip(POOLED, names(key, schema), strict=True))
+        by_key[key] = pl.concat(parts[key]).select_seq(labels.get(column, pl.col(column)) for column in columns)
+    return by_key
 
 
 def scenes_by_dataset(conditions: Iterable[tuple[Condition, pl.DataFrame]]) -> dict[str, set[str]]:
     """Names of the scenes that have a row in any condition of a dataset."""
-    found: dict[str, set[str]] = {}
+    scenes: dict[str, set[str]] = {}
     for key, table in conditions:
         if not table.is_empty():
-            found.setdefault(key[0], set()).update(number_names(table["scene"])[0])
-    return found
+            scenes.setdefault(key[0], set()).update(number_names(table["scene"])[0])
+    return scenes
 
 
 def names(key: Condition, schema: Schema) -> list[pl.Expr]:

@@ -97,8 +97,8 @@ def quantile(counts: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     inside, above = (np.take_along_axis(values, place, axis=0)[0] for values in (counts, up_to))
     with np.errstate(invalid="ignore", divide="ignore"):
         fraction = 1.0 - (above - wanted) / inside
-    found = 2.0 ** (_LOWEST + (place[0] + fraction) / _PER_OCTAVE)
-    return np.where((up_to[-1] > 0) & (place[0] > 0), found, np.nan)
+    value = 2.0 ** (_LOWEST + (place[0] + fraction) / _PER_OCTAVE)
+    return np.where((up_to[-1] > 0) & (place[0] > 0), value, np.nan)
 
 
 def share_below(counts: NDArray[np.float64], limit: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -117,10 +117,10 @@ def share_below(counts: NDArray[np.float64], limit: NDArray[np.float64]) -> NDAr
         NaN where a histogram is empty, the limit is NaN, or some numbers and the limit are in the first bin.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        at = (np.log2(limit) - _LOWEST) * _PER_OCTAVE
-        covered = np.clip(at - np.arange(LOG_HISTOGRAM_BINS).reshape(-1, *[1] * np.ndim(limit)), 0.0, 1.0)
+        position = (np.log2(limit) - _LOWEST) * _PER_OCTAVE
+        covered = np.clip(position - np.arange(LOG_HISTOGRAM_BINS).reshape(-1, *[1] * np.ndim(limit)), 0.0, 1.0)
         share = (counts * covered).sum(axis=0) / counts.sum(axis=0)
-    return np.where((at < 1.0) & (counts[0] > 0), np.nan, share)
+    return np.where((position < 1.0) & (counts[0] > 0), np.nan, share)
 
 
 WHISKER_REACH = 1.5
@@ -166,9 +166,9 @@ def box_of_counts(values: ArrayLike, counts: ArrayLike) -> Box:
     counts
         (m,) how often each occurred.
     """
-    found, times = np.asarray(values, dtype=np.float64), np.asarray(counts, dtype=np.int64)
-    order = np.argsort(found[times > 0])
-    ordered, last = found[times > 0][order], np.cumsum(times[times > 0][order])
+    numbers, times = np.asarray(values, dtype=np.float64), np.asarray(counts, dtype=np.int64)
+    order = np.argsort(numbers[times > 0])
+    ordered, last = numbers[times > 0][order], np.cumsum(times[times > 0][order])
     if not ordered.size:
         return Box(0, *[None] * 6)
     n = int(last[-1])

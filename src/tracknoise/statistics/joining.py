@@ -90,17 +90,17 @@ def place(table: pl.DataFrame | pl.LazyFrame, part: Part, name: str) -> pl.LazyF
     if "track" in kinds:
         numbered["track"] = pl.col("track") + _first_track(part)
     if "block" in kinds:
-        each = BLOCKS // 2 if name in _HALF_AS_MANY_BLOCKS else BLOCKS
-        numbered["block"] = (pl.col("block").cast(pl.UInt32) + part.place * each) // part.count
+        n_blocks = BLOCKS // 2 if name in _HALF_AS_MANY_BLOCKS else BLOCKS
+        numbered["block"] = (pl.col("block").cast(pl.UInt32) + part.place * n_blocks) // part.count
     return lazy.with_columns(value.cast(kinds[column]).alias(column) for column, value in numbered.items())
 
 
 def rows_of(table: pl.DataFrame, part: Part, n_frames: int) -> pl.DataFrame:
     """Observations or tracks of a part of so many frames out of those of the sequence, numbered as in the part."""
     frame = next(name for name in ("frame", "first_frame") if name in table.columns)
-    own = table.filter(pl.col(frame).is_between(part.first_frame, part.first_frame + n_frames - 1))
+    rows = table.filter(pl.col(frame).is_between(part.first_frame, part.first_frame + n_frames - 1))
     numbered = {frame: pl.col(frame) - part.first_frame, "track": pl.col("track") - _first_track(part)}
-    return own.with_columns(value.cast(table.schema[column]).alias(column) for column, value in numbered.items())
+    return rows.with_columns(value.cast(table.schema[column]).alias(column) for column, value in numbered.items())
 
 
 _HALF_AS_MANY_BLOCKS = ("surroundings", "image_map", "image_speeds")
@@ -135,20 +135,20 @@ def _added(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     lists = [name for name in values if isinstance(schema[name], pl.List)]
     totals = rows.sums(table, [name for name in values if name not in lists]).fill_nan(None)
     counts = {name: _added_lists(table[name], rows.index, rows.count) for name in lists}
-    found = rows.keys.hstack(totals).with_columns(pl.Series(name, lists) for name, lists in counts.items())
-    return found.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    summed = rows.keys.hstack(totals).with_columns(pl.Series(name, lists) for name, lists in counts.items())
+    return summed.select(pl.col(name).cast(kind) for name, kind in schema.items())
 
 
 def _added_lists(column: pl.Series, index: NDArray[np.intp], count: int) -> list[list[int] | None]:
     """Sums of lists of counts, element by element, by group."""
     longest = max(column.list.len().drop_nulls().to_list(), default=0)
     total = np.zeros((count, longest), dtype=np.int64)
-    known = np.zeros(count, dtype=bool)
+    has_counts = np.zeros(count, dtype=bool)
     for row, values in zip(index.tolist(), column.to_list(), strict=True):
         if values is not None:
             total[row, : len(values)] += values
-            known[row] = True
-    return [line.tolist() if is_known else None for line, is_known in zip(total, known, strict=True)]
+            has_counts[row] = True
+    return [line.tolist() if is_known else None for line, is_known in zip(total, has_counts, strict=True)]
 
 
 def _rows(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
@@ -181,10 +181,10 @@ def _increments(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
 def _trims(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """Counts of tracks added up, with the largest threshold of a part."""
     counts = [name for name in schema if name.startswith("n_")]
-    found = table.group_by(_NAMES, maintain_order=True).agg(
+    totals = table.group_by(_NAMES, maintain_order=True).agg(
         pl.col("percentile", "among").first(), pl.col("threshold_px").max(), pl.col(counts).sum()
     )
-    return found.with_columns(dropped_share=DROPPED_SHARE).select(list(schema)).sort(_NAMES)
+    return totals.with_columns(dropped_share=DROPPED_SHARE).select(list(schema)).sort(_NAMES)
 
 
 def _scales(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
@@ -194,9 +194,9 @@ def _scales(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     has_cores = pl.all_horizontal(pl.col(cores).is_not_null())
     used = table.filter(has_cores | ~has_cores.any().over(keys))
     means = {name: _mean(pl.col(name).log(), pl.col("n")).exp() for name in cores}
-    known = {name: pl.when(pl.col(name).null_count() == 0).then(value) for name, value in means.items()}
+    scales = {name: pl.when(pl.col(name).null_count() == 0).then(value) for name, value in means.items()}
     counts = [total_if_known(name, pl.col(name).sum()) for name in ("n", "beyond_u", "beyond_v")]
-    return used.group_by(keys, maintain_order=True).agg(*counts, **known).select(list(schema)).sort(keys)
+    return used.group_by(keys, maintain_order=True).agg(*counts, **scales).select(list(schema)).sort(keys)
 
 
 def _mean(value: pl.Expr, weight: pl.Expr) -> pl.Expr:
@@ -230,9 +230,9 @@ def _pose_growth(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
         mean, error = _mean(of_part, pl.col("n")), of_part.std() / pl.col("n").len().sqrt()
         shown = (mean > 0) & (mean > bound * error)
         roots[root] = pl.when(shown).then(mean.sqrt())
-    found = table.group_by(keys, maintain_order=True).agg(pl.col("n").sum(), **means, **roots)
-    known = found.with_columns(pl.col(image).fill_nan(None))
-    return known.select(pl.col(name).cast(kind) for name, kind in schema.items()).sort(keys)
+    totals = table.group_by(keys, maintain_order=True).agg(pl.col("n").sum(), **means, **roots)
+    without_nan = totals.with_columns(pl.col(image).fill_nan(None))
+    return without_nan.select(pl.col(name).cast(kind) for name, kind in schema.items()).sort(keys)
 
 
 _FEWEST_PARTS = 4
@@ -251,8 +251,8 @@ def _metrics(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     keys = keys_of(schema)
     values = [name for name in schema if name not in (*keys, "n_points")]
     means = {name: _mean(pl.col(name), pl.when(pl.col(name).is_not_null()).then(pl.col("n_points"))) for name in values}
-    found = table.group_by(keys, maintain_order=True).agg(pl.col("n_points").sum(), **means)
-    return found.select(list(schema)).with_columns(pl.col(values).fill_nan(None)).sort(keys)
+    totals = table.group_by(keys, maintain_order=True).agg(pl.col("n_points").sum(), **means)
+    return totals.select(list(schema)).with_columns(pl.col(values).fill_nan(None)).sort(keys)
 
 
 def _patches(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:

@@ -86,8 +86,8 @@ def count_ends(tracks: pl.DataFrame) -> pl.DataFrame:
     columns |= {f"n_{kind.name}": count for kind, count in by_end.items()}
     counts = pl.DataFrame(columns).select(pl.col(name).cast(ENDS[name]) for name in columns)
     unknown = np.bincount(groups.index, tracks["end"].is_null().to_numpy(), groups.count) > 0
-    known = pl.when(pl.Series(~unknown[condition]))
-    counts = counts.with_columns(known.then(pl.col(name)).alias(name) for name in BY_CAUSE)
+    where_known = pl.when(pl.Series(~unknown[condition]))
+    counts = counts.with_columns(where_known.then(pl.col(name)).alias(name) for name in BY_CAUSE)
     return check(groups.keys[condition].hstack(counts), ENDS, "ends")
 
 
@@ -161,8 +161,8 @@ def mean_lifetime(lifetimes: pl.DataFrame) -> pl.DataFrame:
     ordered = check(lifetimes, LIFETIMES, "lifetimes").sort(*POOLED, "lifetime")
     ordered = ordered.join(horizons(ordered), on=_SHARED, maintain_order="left")
     length = pl.col("lifetime").cast(pl.Int64)
-    found = pl.col("n_ended") + pl.col("n_censored")
-    counted = ordered.with_columns(found=found, frames=found * length)
+    n_tracks = pl.col("n_ended") + pl.col("n_censored")
+    counted = ordered.with_columns(found=n_tracks, frames=n_tracks * length)
     n_ended = pl.col("n_ended").sum()
     totals = counted.group_by(POOLED).agg(
         n_tracks=pl.col("found").sum(),
@@ -242,10 +242,10 @@ def surviving(lifetimes: pl.DataFrame) -> pl.DataFrame:
         frames of the nominal sequence, of a track when found that often without a gap, and the number of tracks that
         were found as often.
     """
-    every = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
-    dense = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(lifetime=every).explode("lifetime")
-    found = lifetimes.select(*POOLED, "lifetime", n=pl.col("n_ended") + pl.col("n_censored"))
-    table = dense.join(found, on=[*POOLED, "lifetime"], how="left").sort(*POOLED, "lifetime")
+    lengths = pl.int_range(1, pl.col("lifetime").max().cast(pl.Int64) + 1, dtype=pl.UInt32)
+    dense = check(lifetimes, LIFETIMES, "lifetimes").group_by(POOLED).agg(lifetime=lengths).explode("lifetime")
+    counts = lifetimes.select(*POOLED, "lifetime", n=pl.col("n_ended") + pl.col("n_censored"))
+    table = dense.join(counts, on=[*POOLED, "lifetime"], how="left").sort(*POOLED, "lifetime")
     age = (pl.col("lifetime") - 1) * pl.col("speed").cast(pl.UInt32)
     table = table.with_columns(age=age, n=_total_from(pl.col("n").fill_null(0)))
     return check(table.select(*SURVIVING), SURVIVING, "surviving")
@@ -288,11 +288,13 @@ def _curves(table: pl.DataFrame) -> pl.DataFrame:
     at_risk, survival = kaplan_meier(ended, censored)
     until_failure = kaplan_meier(ended, censored, n_events=failed.fill_null(0)).beyond
     curves = counts.with_columns(at_risk=at_risk.astype(np.int64), survival=survival, until_failure=until_failure)
-    known = pl.when(pl.col("at_risk") > 0)
+    where_at_risk = pl.when(pl.col("at_risk") > 0)
     return curves.select(
         "at_risk",
-        known.then("survival").alias("survival"),
-        known.then(pl.when(pl.col("n_failed").is_not_null()).then("until_failure")).alias("survival_until_failure"),
+        where_at_risk.then("survival").alias("survival"),
+        where_at_risk.then(pl.when(pl.col("n_failed").is_not_null()).then("until_failure")).alias(
+            "survival_until_failure"
+        ),
     )
 
 

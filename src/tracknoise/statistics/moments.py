@@ -174,10 +174,10 @@ def measure_cells(
 
     Shapes: error_px (rows, 2), keys arrays of (rows,).
     """
-    found, index = number_combinations(keys)
-    signed = measure_moments(error_px, index, len(found[0]), orders=orders)
-    absolute = measure_moments(np.abs(error_px), index, len(found[0]), orders=_variances(orders))
-    return MomentCells(found, signed, absolute)
+    combined, index = number_combinations(keys)
+    signed = measure_moments(error_px, index, len(combined[0]), orders=orders)
+    absolute = measure_moments(np.abs(error_px), index, len(combined[0]), orders=_variances(orders))
+    return MomentCells(combined, signed, absolute)
 
 
 def tabulate(
@@ -190,9 +190,9 @@ def tabulate(
     """
     cells = _stacked(list(selections.values()))
     condition, *keys = cells.keys
-    which = np.repeat(np.arange(len(selections)), [len(part.keys[0]) for part in selections.values()])
-    order = np.lexsort((keys[-1], which, *reversed(keys[:-1]), condition))
-    labels = pl.DataFrame(list(selections), schema=dict(_LABELS), orient="row")[which[order]]
+    selection = np.repeat(np.arange(len(selections)), [len(part.keys[0]) for part in selections.values()])
+    order = np.lexsort((keys[-1], selection, *reversed(keys[:-1]), condition))
+    labels = pl.DataFrame(list(selections), schema=dict(_LABELS), orient="row")[selection[order]]
     columns = {name: pl.Series(key[order], dtype=BLOCKS[name]) for name, key in zip(names, keys, strict=True)}
     values = _values(cells.signed.of(order), cells.absolute.of(order))
     table = conditions[condition[order]].hstack([*labels.get_columns(), *values.get_columns()])
@@ -210,8 +210,8 @@ def merge(moments: pl.DataFrame, *, by: Sequence[str], orders: Sequence[Order] =
     values = ["n", *_MEANS, *_sums(orders, "m_"), *_ABSOLUTE_MEANS, *_sums(_variances(orders), "m_abs_")]
     schema = {name: MOMENT_VALUES[name] for name in values}
     check(moments.select(column for column in values if column in moments.columns), schema, "moments")
-    others = [column for column in moments.columns if column not in MOMENT_VALUES and column not in by]
-    ordered = moments.sort(others, maintain_order=True) if others else moments
+    labels = [column for column in moments.columns if column not in MOMENT_VALUES and column not in by]
+    ordered = moments.sort(labels, maintain_order=True) if labels else moments
     return merge_groups(ordered, group_rows(ordered, by), orders=orders)
 
 
@@ -224,8 +224,8 @@ def merge_groups(moments: pl.DataFrame, groups: Groups, *, orders: Sequence[Orde
         pool_moments(_joint(moments, powers, means, prefix), groups.index, groups.count)
         for powers, means, prefix in ((orders, _MEANS, "m_"), (_variances(orders), _ABSOLUTE_MEANS, "m_abs_"))
     )
-    known = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS))
-    return groups.keys.hstack(_values(signed, absolute).with_columns(known))
+    defined_means = pl.when(pl.col("n") > 0).then(pl.col(*_MEANS, *_ABSOLUTE_MEANS))
+    return groups.keys.hstack(_values(signed, absolute).with_columns(defined_means))
 
 
 def _variances(orders: Sequence[Order]) -> Sequence[Order]:
@@ -275,9 +275,9 @@ def scene_moments(seen: PreparedObservations) -> pl.DataFrame:
         Schema `MOMENTS`, sorted by its columns before `n`, with one row for each combination that has an observation.
         `untrimmed` counts every observation, `trimmed` those of tracks that were kept.
     """
-    known = seen.projected
+    projected = seen.projected
     keys = (seen.condition, seen.at, seen.visible, seen.kept)
-    cells = measure_cells(seen.error_px[known], [key[known] for key in keys])
+    cells = measure_cells(seen.error_px[projected], [key[projected] for key in keys])
     visible, kept = (key.astype(bool) for key in cells.keys[2:])
     selections = {
         **by_trimming(cells, Population.visible, by=2, chosen=visible, kept=kept),

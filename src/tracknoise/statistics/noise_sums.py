@@ -94,8 +94,8 @@ class ErrorTracks:
     def before(self, steps: int) -> NDArray[np.intp]:
         """Places of known errors that have a known error so many frames of the tracker before, in the row above."""
         late = followers(self.track, self.frame, self.speed, steps)
-        known = ~np.isnan(self.error_px[:, 0])
-        return late[known[late] & known[late - steps]]
+        is_known = ~np.isnan(self.error_px[:, 0])
+        return late[is_known[late] & is_known[late - steps]]
 
 
 STEPS = 30
@@ -151,8 +151,8 @@ def magnifications(
     points = np.repeat(true_points(sequence, geometry, rows[begins]), length, axis=0)
     depth = geometry.to_camera(sequence.seen.frame[rows], points)[:, 2]
     first = np.repeat(depth[begins], length)
-    known = (depth > 0.0) & (first > 0.0)
-    return np.where(known, first, np.nan) / np.where(known, depth, 1.0)
+    in_front = (depth > 0.0) & (first > 0.0)
+    return np.where(in_front, first, np.nan) / np.where(in_front, depth, 1.0)
 
 
 def _outliers(
@@ -183,33 +183,35 @@ class Products:
 def products(tracks: ErrorTracks) -> Iterator[tuple[Product, Products]]:
     """All products of each kind whose errors are known and not outliers."""
     seen = Seen(tracks.age, tracks.magnification, tracks.walked, np.ones(len(tracks.age)))
-    at = tracks.before(1)
-    now, before = seen.at(at), seen.at(at - 1)
+    rows = tracks.before(1)
+    now, before = seen.at(rows), seen.at(rows - 1)
     r = now.magnification / before.magnification
     of_error, of_both, of_before = shares(now, now), shares(now, before), shares(before, before)
-    errors = tracks.error_px[at]
-    yield Product.error, Products(at, _squares(errors), _stack(*of_error))
+    errors = tracks.error_px[rows]
+    yield Product.error, Products(rows, _squares(errors), _stack(*of_error))
 
     later = before.age > 0
-    old = r[:, None] * tracks.error_px[at - 1]
+    old = r[:, None] * tracks.error_px[rows - 1]
     of_old = _stack(*(r**2 * share for share in of_before))
-    yield Product.before, Products(at[later], _squares(old)[later], of_old[later])
+    yield Product.before, Products(rows[later], _squares(old)[later], of_old[later])
 
     change = errors - old
     of_change = _stack(*changed(of_error, of_both, of_before, r))
-    yield Product.change, Products(at[later], _squares(change)[later], of_change[later])
+    yield Product.change, Products(rows[later], _squares(change)[later], of_change[later])
 
     place = np.full(len(tracks.age), -1)
-    place[at] = np.arange(len(at))
-    twice = np.flatnonzero(later & (place[at - 1] >= 0))
-    last = place[at[twice] - 1]
+    place[rows] = np.arange(len(rows))
+    twice = np.flatnonzero(later & (place[rows - 1] >= 0))
+    last = place[rows[twice] - 1]
     crossed = _crossed(change[twice], change[last])
     with_first, of_first = shares(now.at(twice), before.at(last)), shares(before.at(twice), before.at(last))
     of_lagged = [
-        (both[twice] - r[twice] * own[twice]) - r[last] * (one - r[twice] * other)
-        for both, own, one, other in zip(of_both, of_before, with_first, of_first, strict=True)
+        (now_before[twice] - r[twice] * before_before[twice]) - r[last] * (now_first - r[twice] * before_first)
+        for now_before, before_before, now_first, before_first in zip(
+            of_both, of_before, with_first, of_first, strict=True
+        )
     ]
-    yield Product.lagged, Products(at[twice], crossed, _stack(*of_lagged))
+    yield Product.lagged, Products(rows[twice], crossed, _stack(*of_lagged))
 
 
 def _stack(*columns: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -232,21 +234,23 @@ _MEANS = ("sum_u", "sum_v", "along", "motion")
 
 def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[Product, Products]) -> pl.DataFrame:
     """Sums of every condition, block, product and age. Returns schema `NOISE_SUMS`, sorted."""
-    parts = [_summed_products(sequence, tracks, kind, each) for kind, each in found.items()]
+    parts = [_summed_products(sequence, tracks, kind, of_kind) for kind, of_kind in found.items()]
     return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
 
 
 _KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *NAMES, *_MEANS))
 
 
-def _summed_products(sequence: PreparedSequence, tracks: ErrorTracks, kind: Product, found: Products) -> pl.DataFrame:
-    rows = tracks.rows[found.rows]
+def _summed_products(
+    sequence: PreparedSequence, tracks: ErrorTracks, kind: Product, products: Products
+) -> pl.DataFrame:
+    rows = tracks.rows[products.rows]
     block = np.where(sequence.at_slowest[rows], sequence.block[rows], 0)
     (condition, blocks, age), index = number_combinations(
         [sequence.seen.condition[rows], block, sequence.seen.age[rows]]
     )
-    columns = dict(zip((*_PRODUCTS, *NAMES), np.hstack([found.values, found.factors]).T, strict=True))
-    columns |= dict(zip(_MEANS, _means(tracks, kind, found.rows), strict=True))
+    columns = dict(zip((*_PRODUCTS, *NAMES), np.hstack([products.values, products.factors]).T, strict=True))
+    columns |= dict(zip(_MEANS, _means(tracks, kind, products.rows), strict=True))
     sums = {name: np.bincount(index, values, len(age)) for name, values in columns.items()}
     keys = {"block": blocks, "age": age, "n": np.bincount(index, minlength=len(age))}
     table = sequence.seen.conditions[condition].hstack(pl.DataFrame({**keys, **sums}))
@@ -265,10 +269,10 @@ def noise_outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFr
     """How many errors each condition has, and how many of them are outliers: schema `NOISE_OUTLIERS`."""
     condition, count = sequence.seen.condition[tracks.rows], sequence.seen.conditions.height
     aged = tracks.age > 0
-    known = aged & ~np.isnan(tracks.error_px[:, 0])
+    is_known = aged & ~np.isnan(tracks.error_px[:, 0])
     counts = {
         "n_tracks": np.bincount(condition[tracks.age == 0], minlength=count),
-        "n": np.bincount(condition[aged & (known | tracks.outlier)], minlength=count),
+        "n": np.bincount(condition[aged & (is_known | tracks.outlier)], minlength=count),
         "n_outliers": np.bincount(condition[tracks.outlier], minlength=count),
     }
     table = sequence.seen.conditions.hstack(pl.DataFrame({**counts, "limit_px": tracks.limit_px}))
@@ -329,19 +333,19 @@ def sums_by_class(
 
     Returns: the columns of the conditions, of the classes, n and `CHANGE_TERMS`. `classes`: NaN where unknown.
     """
-    known = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
-    condition = sequence.seen.condition[tracks.rows[changes.rows[known]]]
-    numbers = [values[known].astype(np.intp) for values in classes.values()]
+    classed = np.flatnonzero(~np.isnan(np.stack(list(classes.values()))).any(axis=0))
+    condition = sequence.seen.condition[tracks.rows[changes.rows[classed]]]
+    numbers = [values[classed].astype(np.intp) for values in classes.values()]
     least = [number.min(initial=_FURTHEST) for number in numbers]  # few combinations are found fast
     counted = [number - lowest for number, lowest in zip(numbers, least, strict=True)]
     (conditions, *combined), index = number_combinations([condition, *counted])
-    factors = dict(zip(NAMES, changes.factors[known].T, strict=True))
+    factors = dict(zip(NAMES, changes.factors[classed].T, strict=True))
     terms = {
-        "squares": 0.5 * (changes.values[known, 0] + changes.values[known, 2]),
+        "squares": 0.5 * (changes.values[classed, 0] + changes.values[classed, 2]),
         "white_before": factors["white"] - 1.0,
         **{name: factors[name] for name in CHANGE_TERMS if name in factors},
     }
-    sums = {term: np.bincount(index, each, len(conditions)) for term, each in terms.items()}
+    sums = {term: np.bincount(index, weights, len(conditions)) for term, weights in terms.items()}
     labels = {name: values + lowest for name, values, lowest in zip(classes, combined, least, strict=True)}
     counts = {"n": np.bincount(index, minlength=len(conditions))}
     return sequence.seen.conditions[conditions].hstack(pl.DataFrame({**labels, **counts, **sums}))
@@ -382,7 +386,7 @@ def _parts(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -
     octaves = {name: _octaves(values, changes) for name, values in islice(covariates_of(sequence, tracks), MOST)}
     for first, second in combinations(octaves, 2):
         ends = {"first": octaves[first], "second": octaves[second]}
-        classes = {f"{place}_{end}": of_end for place, both in ends.items() for end, of_end in both.items()}
+        classes = {f"{place}_{end}": of_end for place, of_ends in ends.items() for end, of_end in of_ends.items()}
         table = sums_by_class(sequence, tracks, changes, classes)
         yield table.with_columns(first=pl.lit(first), second=pl.lit(second)).select(
             pl.col(column).cast(kind) for column, kind in NOISE_PAIRS.items()
@@ -406,17 +410,17 @@ def track_errors(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFram
     """
     place, length = until_unknown(tracks)
     chosen = _some_tracks(sequence.seen.condition[tracks.rows[place]], length >= _LEAST_OBSERVATIONS)
-    taken = length[chosen]
-    kept = np.repeat(place[chosen] - np.cumsum(taken) + taken, taken) + np.arange(taken.sum())
-    rows, known = tracks.rows[kept], dict(covariates_of(sequence, tracks))
+    counts = length[chosen]
+    kept = np.repeat(place[chosen] - np.cumsum(counts) + counts, counts) + np.arange(counts.sum())
+    rows, covariates = tracks.rows[kept], dict(covariates_of(sequence, tracks))
     columns = {
         "track": sequence.seen.track[rows],
         "block": np.where(sequence.at_slowest[rows], sequence.block[rows], 0),
         "age": tracks.age[kept],
         **dict(zip(("du_px", "dv_px"), tracks.error_px[kept].T, strict=True)),
         "magnification": tracks.magnification[kept],
-        MOTION: known.pop(MOTION)[kept],
-        **{QUALITY_PREFIX + name: known[name][kept] for name in sorted(known)},
+        MOTION: covariates.pop(MOTION)[kept],
+        **{QUALITY_PREFIX + name: covariates[name][kept] for name in sorted(covariates)},
     }
     values = {name: pl.Series(name, column, nan_to_null=True) for name, column in columns.items()}
     table = sequence.seen.conditions[sequence.seen.condition[rows]].hstack(pl.DataFrame(values))
@@ -440,8 +444,8 @@ def until_unknown(tracks: ErrorTracks) -> tuple[NDArray[np.intp], NDArray[np.int
 
 def _some_tracks(condition: NDArray[np.intp], usable: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Places of at most `MOST_TRACKS` usable tracks of each condition, in order."""
-    own = (np.flatnonzero(usable & (condition == one)) for one in np.unique(condition))
-    counts = [(places, min(len(places), MOST_TRACKS)) for places in own]
+    usable_places = (np.flatnonzero(usable & (condition == number)) for number in np.unique(condition))
+    counts = [(places, min(len(places), MOST_TRACKS)) for places in usable_places]
     parts = [places[np.arange(count) * len(places) // max(count, 1)] for places, count in counts]
     return np.concatenate([np.empty(0, np.intp), *parts])
 
@@ -474,11 +478,11 @@ def noise_tables(sequence: PreparedSequence, geometry: FrameGeometry) -> dict[st
     if sequence.key_frame is not None:
         return {name: empty(schema) for name, schema in _SCHEMAS.items()}
     tracks = error_tracks(sequence, geometry)
-    found = dict(products(tracks))
+    by_kind = dict(products(tracks))
     return {
-        "noise_sums": noise_sums(sequence, tracks, found),
+        "noise_sums": noise_sums(sequence, tracks, by_kind),
         "noise_outliers": noise_outliers(sequence, tracks),
-        "noise_covariates": noise_covariates(sequence, tracks, found[Product.change]),
-        "noise_pairs": noise_pairs(sequence, tracks, found[Product.change]),
+        "noise_covariates": noise_covariates(sequence, tracks, by_kind[Product.change]),
+        "noise_pairs": noise_pairs(sequence, tracks, by_kind[Product.change]),
         "track_errors": track_errors(sequence, tracks),
     }

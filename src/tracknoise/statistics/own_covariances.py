@@ -87,12 +87,12 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
             rows = np.flatnonzero(kept)
             table = _values(sequence, rows, covariance[rows], motion[rows])
             by_age, of_all = table.filter(steps[rows]), table.with_columns(at=pl.lit(None, dtype=pl.UInt32))
-            for some in (by_age, of_all):
+            for part in (by_age, of_all):
                 labels = {"covariance": pl.lit(name), "trimming": pl.lit(str(trimming)), "axis": pl.lit(str(seen.axis))}
-                summed = some.group_by("condition", "block", "at").agg(pl.col(_SUMS).sum())
+                summed = part.group_by("condition", "block", "at").agg(pl.col(_SUMS).sum())
                 origin = seen.conditions[summed["condition"].to_numpy()]
-                made = origin.hstack(summed.drop("condition")).with_columns(**labels)
-                parts.append(made.select(pl.col(key).cast(kind) for key, kind in COVARIANCE_SUMS.items()))
+                labelled = origin.hstack(summed.drop("condition")).with_columns(**labels)
+                parts.append(labelled.select(pl.col(key).cast(kind) for key, kind in COVARIANCE_SUMS.items()))
     keys = [key for key in COVARIANCE_SUMS if key not in _SUMS]
     return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
 
@@ -104,13 +104,13 @@ def _directions(sequence: PreparedSequence) -> NDArray[np.float64]:
     du, dv = np.diff(true_uv, axis=0, prepend=np.nan).T
     begins = np.diff(sequence.track_row[rows], prepend=-1) != 0
     square = np.where(begins, np.nan, du * du + dv * dv)
-    found = np.full((len(sequence.track_row), 2), np.nan)
+    directions = np.full((len(sequence.track_row), 2), np.nan)
     with np.errstate(divide="ignore", invalid="ignore"):
-        found[rows] = np.where(
+        directions[rows] = np.where(
             (square > _LEAST_MOTION_PX**2)[:, None], np.stack([du * du - dv * dv, 2 * du * dv], 1), np.nan
         )
-        found[rows] /= square[:, None]
-    return found
+        directions[rows] /= square[:, None]
+    return directions
 
 
 def _values(
@@ -121,14 +121,14 @@ def _values(
 ) -> pl.DataFrame:
     """What is summed, for each of some rows of the observations; 0 where the covariance is not positive definite."""
     error, condition = sequence.seen.error_px[rows], sequence.seen.condition[rows]
-    known, values = _of_errors(covariance, error, motion, condition)
+    valid, values = _of_errors(covariance, error, motion, condition)
     return pl.DataFrame(
         {
             "condition": condition,
             "block": sequence.block[rows],
             "at": sequence.seen.at[rows].astype(np.uint32),
-            **{name: np.where(known, value, 0.0) for name, value in values.items()},
-            "impossible": (~known).astype(np.float64),
+            **{name: np.where(valid, value, 0.0) for name, value in values.items()},
+            "impossible": (~valid).astype(np.float64),
         }
     )
 
@@ -150,11 +150,11 @@ def _of_errors(
     (uu, uv, vv), (du, dv) = covariance.T, error_px.T
     determinant = uu * vv - uv * uv
     squared = (vv * du * du - 2.0 * uv * du * dv + uu * dv * dv) / determinant
-    known, length = np.isfinite(squared), np.hypot(du, dv)
+    valid, length = np.isfinite(squared), np.hypot(du, dv)
     shares = {f"inside_{100 * level:.0f}": held for level, held in zip(LEVELS, inside(squared), strict=True)}
-    values = {"n": known, **shares, "squares": squared, "log_det": np.log(determinant), "px2": length**2}
-    values |= _shapes(covariance, (du, dv), squared, motion) | _ranks(uu + vv, length, np.where(known, condition, -1))
-    return known, values
+    values = {"n": valid, **shares, "squares": squared, "log_det": np.log(determinant), "px2": length**2}
+    values |= _shapes(covariance, (du, dv), squared, motion) | _ranks(uu + vv, length, np.where(valid, condition, -1))
+    return valid, values
 
 
 def _shapes(
@@ -171,13 +171,13 @@ def _shapes(
     along, turned = z_u**2 - z_v**2, 2.0 * z_u * z_v
     elongated = np.stack([uu - vv, 2.0 * uv], axis=1) / (uu + vv)[:, None]
     frames = {"image": np.array([1.0, 0.0]), "own": elongated, "motion": np.nan_to_num(motion)}
-    found = {"elongation": np.hypot(*elongated.T), "fourth": squared**2}
+    terms = {"elongation": np.hypot(*elongated.T), "fourth": squared**2}
     for name, axes in frames.items():
         cosine, sine = axes.T
-        found[f"{name}_total"] = np.hypot(cosine, sine) * squared
-        found[f"{name}_along"] = cosine * along + sine * turned
-        found[f"{name}_turned"] = cosine * turned - sine * along
-    return found
+        terms[f"{name}_total"] = np.hypot(cosine, sine) * squared
+        terms[f"{name}_along"] = cosine * along + sine * turned
+        terms[f"{name}_turned"] = cosine * turned - sine * along
+    return terms
 
 
 def _ranks(

@@ -96,9 +96,9 @@ def summed(
     Returns: columns of `ORIGIN`, block, axis, at, the keys, n, and the sums; sorted by the columns before n.
     """
     seen, block = sequence.seen, sequence.block[rows] // _BLOCKS_TOGETHER
-    found, index = number_combinations([seen.condition[rows], block, seen.at[rows], *keys.values()])
-    condition, *others = found
-    columns = dict(zip(("block", "at", *keys), others, strict=True))
+    combined, index = number_combinations([seen.condition[rows], block, seen.at[rows], *keys.values()])
+    condition, *other_keys = combined
+    columns = dict(zip(("block", "at", *keys), other_keys, strict=True))
     columns |= {"n": np.bincount(index, minlength=len(condition))}
     columns |= {name: np.bincount(index, value, len(condition)) for name, value in values.items()}
     return seen.conditions[condition].with_columns(pl.lit(seen.axis, dtype=AXIS).alias("axis"), **columns)
@@ -176,9 +176,9 @@ def parallax_px(sequence: PreparedSequence, rows: NDArray[np.intp]) -> NDArray[n
     since = seen.at[rows] - (sequence.key_frame or 0)
     true, lengths = _true_positions(sequence), np.full(len(seen.track), np.nan)
     for age in np.unique(since):
-        found = _over(true, int(age))
+        motion = _over(true, int(age))
         of_age = np.full(len(lengths), np.nan)
-        of_age[found["row"].to_numpy()] = found["length"].to_numpy()
+        of_age[motion["row"].to_numpy()] = motion["length"].to_numpy()
         lengths[rows[since == age]] = of_age[rows[since == age]]
     return lengths[rows]
 
@@ -189,9 +189,9 @@ def _over(table: pl.DataFrame, age: int) -> pl.DataFrame:
     moved = table.join(earlier, on=["condition", "track", "frame"])
     moved = moved.select("row", *_KEYS, u=pl.col("u") - pl.col("u0"), v=pl.col("v") - pl.col("v0"))
     medians = moved.group_by(_KEYS).agg(pl.col("u", "v").median().name.suffix("_median"), n=pl.len())
-    both = moved.join(medians.filter(pl.col("n") >= _FEWEST), on=_KEYS)
+    with_medians = moved.join(medians.filter(pl.col("n") >= _FEWEST), on=_KEYS)
     length = ((pl.col("u") - pl.col("u_median")).pow(2) + (pl.col("v") - pl.col("v_median")).pow(2)).sqrt()
-    return both.select("row", length=length)
+    return with_medians.select("row", length=length)
 
 
 def _true_positions(sequence: PreparedSequence) -> pl.DataFrame:
@@ -238,9 +238,9 @@ def _of_classes(
     occlusion: NDArray[np.intp],
     values: dict[str, NDArray[np.float64]],
 ) -> pl.DataFrame:
-    known = classes.number >= 0
-    keys = {"class": classes.number[known], "occlusion": occlusion[known]}
-    table = summed(sequence, rows[known], keys, {name: value[known] for name, value in values.items()})
+    has_class = classes.number >= 0
+    keys = {"class": classes.number[has_class], "occlusion": occlusion[has_class]}
+    table = summed(sequence, rows[has_class], keys, {name: value[has_class] for name, value in values.items()})
     place = table["class"].to_numpy()
     table = table.with_columns(
         pl.lit(classes.surrounding, dtype=SURROUNDING).alias("surrounding"),
@@ -284,11 +284,11 @@ def _classes(sequence: PreparedSequence, rows: NDArray[np.intp]) -> Iterator[_Cl
 def _by_depth(depth: pl.Series) -> _Classes:
     """Half octaves: from 2^(k/2) to 2^((k+1)/2) m."""
     depth_m = depth.to_numpy()
-    known = depth_m > 0.0
-    octave = np.floor(2.0 * np.log2(np.where(known, depth_m, 1.0))).astype(np.intp)
+    is_known = depth_m > 0.0
+    octave = np.floor(2.0 * np.log2(np.where(is_known, depth_m, 1.0))).astype(np.intp)
     first = int(octave.min(initial=0))
     bounds = [2.0 ** (k / 2.0) for k in range(first, int(octave.max(initial=0)) + 2)]
-    return _Classes(Surrounding.depth, np.where(known, octave - first, -1), [*bounds[:-1]], [*bounds[1:]])
+    return _Classes(Surrounding.depth, np.where(is_known, octave - first, -1), [*bounds[:-1]], [*bounds[1:]])
 
 
 def _by_edge(tracks: pl.DataFrame) -> _Classes:
@@ -303,15 +303,15 @@ def _by_edge(tracks: pl.DataFrame) -> _Classes:
 
 def _by_parallax(parallax: NDArray[np.float64]) -> _Classes:
     """Octaves from 1 px: from 0 to 1 px, from 1 to 2 px, from 2 to 4 px."""
-    known = ~np.isnan(parallax)
-    octave = np.floor(np.log2(np.maximum(np.where(known, parallax, 0.0), 0.5))).astype(np.intp) + 1
+    is_known = ~np.isnan(parallax)
+    octave = np.floor(np.log2(np.maximum(np.where(is_known, parallax, 0.0), 0.5))).astype(np.intp) + 1
     bounds = [0.0, *(2.0**k for k in range(int(octave.max(initial=0)) + 1))]
-    return _Classes(Surrounding.parallax, np.where(known, octave, -1), [*bounds[:-1]], [*bounds[1:]])
+    return _Classes(Surrounding.parallax, np.where(is_known, octave, -1), [*bounds[:-1]], [*bounds[1:]])
 
 
 def _by_incidence(incidence: pl.Series) -> _Classes:
     incidence_deg = incidence.cast(pl.Float64).to_numpy()
     bounds = [float(bound) for bound in range(0, 91, INCIDENCE_STEP_DEG)]
-    known = ~np.isnan(incidence_deg)
-    number = np.minimum(np.where(known, incidence_deg, 0.0) // INCIDENCE_STEP_DEG, len(bounds) - 2).astype(np.intp)
-    return _Classes(Surrounding.incidence, np.where(known, number, -1), [*bounds[:-1]], [*bounds[1:]])
+    is_known = ~np.isnan(incidence_deg)
+    number = np.minimum(np.where(is_known, incidence_deg, 0.0) // INCIDENCE_STEP_DEG, len(bounds) - 2).astype(np.intp)
+    return _Classes(Surrounding.incidence, np.where(is_known, number, -1), [*bounds[:-1]], [*bounds[1:]])

@@ -228,10 +228,10 @@ def _rows_of_tracks(
     first = np.cumsum(n_tracks) - n_tracks
     count = np.bincount(first[tracks.index] + track, minlength=1)
     numbers = first[seen.condition] + seen.track
-    known = seen.track < n_tracks[seen.condition]
-    if not known.all() or (count[numbers] != 1).any():
-        found = "a track number is not in the tracks table, or several times"
-        raise SchemaError(f"observations: {found}, expected once among the tracks of its condition")
+    in_range = seen.track < n_tracks[seen.condition]
+    if not in_range.all() or (count[numbers] != 1).any():
+        fault = "a track number is not in the tracks table, or several times"
+        raise SchemaError(f"observations: {fault}, expected once among the tracks of its condition")
     rows = np.zeros(len(count), dtype=np.intp)
     rows[first[tracks.index] + track] = np.arange(len(track))
     return numbers, rows[numbers]

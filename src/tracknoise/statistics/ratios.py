@@ -38,8 +38,8 @@ def ratio_sums(sequence: PreparedSequence) -> pl.DataFrame:
     kept = {Trimming.untrimmed: chosen, Trimming.trimmed: chosen & seen.kept}
     parts = [empty(RATIOS)]
     for quantity, numerator in NUMERATORS.items():
-        for trimming, of in kept.items():
-            rows = np.flatnonzero(of)
+        for trimming, selected in kept.items():
+            rows = np.flatnonzero(selected)
             table = summed(sequence, rows, {}, {"sum": numerator(sequence, rows)})
             labelled = table.with_columns(quantity=pl.lit(quantity), trimming=pl.lit(str(trimming)))
             parts.append(labelled.select(pl.col(name).cast(kind) for name, kind in RATIOS.items()))

@@ -95,8 +95,8 @@ def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDA
     hashed = scattered(scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
     least = np.full(len(track), np.iinfo(np.uint64).max, dtype=np.uint64)
     np.minimum.at(least, group, hashed)
-    found = np.flatnonzero(hashed == least[group])
-    return rows[found]
+    chosen = np.flatnonzero(hashed == least[group])
+    return rows[chosen]
 
 
 AGES = (1, 2, 3, 4, 6, 8, 12, 16, 24)

@@ -63,9 +63,9 @@ def _table(sequence: PreparedSequence, populations: Sequence[str], by: Mapping[s
     for population in populations:
         for trimming, chosen in _selections(sequence, population).items():
             keys = {"condition": seen.condition, "at": seen.at, **by}
-            found = _scales(seen.error_px[chosen], {name: key[chosen] for name, key in keys.items()})
+            scales = _scales(seen.error_px[chosen], {name: key[chosen] for name, key in keys.items()})
             labels = pl.lit(population, dtype=POPULATION), pl.lit(trimming, dtype=TRIMMING)
-            parts.append(found.with_columns(population=labels[0], trimming=labels[1]))
+            parts.append(scales.with_columns(population=labels[0], trimming=labels[1]))
     table = pl.concat(parts).sort("condition", "population", "trimming", "at", *by)
     named = table.hstack(seen.conditions[table["condition"]])
     columns = [*SCALES, *by]
@@ -79,16 +79,16 @@ def _selections(sequence: PreparedSequence, population: str) -> dict[str, NDArra
 
 def _scales(error_px: NDArray[np.float64], keys: Mapping[str, IntegerArray]) -> pl.DataFrame:
     """(core) and (beyond) of the errors (rows, 2) of each combination of keys."""
-    found, index = number_combinations(list(keys.values()))
-    n = np.bincount(index, minlength=len(found[0]))
+    combined, index = number_combinations(list(keys.values()))
+    n = np.bincount(index, minlength=len(combined[0]))
     columns = {"n": pl.Series(n, dtype=pl.Int64)}
     for axis, size in zip("uv", np.abs(error_px).T, strict=True):
         core = PER_MEDIAN * grouped_medians(size, index, n)
-        known = (n >= LEAST_ERRORS) & (core > ROUNDING_PX)
+        has_core = (n >= LEAST_ERRORS) & (core > ROUNDING_PX)
         beyond = np.bincount(index[size > FAR * core[index]], minlength=len(n))
-        columns[f"core_{axis}_px"] = pl.Series(np.where(known, core, np.nan), dtype=pl.Float64, nan_to_null=True)
-        columns[f"beyond_{axis}"] = pl.Series(np.where(known, beyond, np.nan), nan_to_null=True).cast(pl.Int64)
-    return pl.DataFrame(dict(zip(keys, found, strict=True))).with_columns(**columns)
+        columns[f"core_{axis}_px"] = pl.Series(np.where(has_core, core, np.nan), dtype=pl.Float64, nan_to_null=True)
+        columns[f"beyond_{axis}"] = pl.Series(np.where(has_core, beyond, np.nan), nan_to_null=True).cast(pl.Int64)
+    return pl.DataFrame(dict(zip(keys, combined, strict=True))).with_columns(**columns)
 
 
 def grouped_medians(values: NDArray[np.float64], index: NDArray[np.intp], n: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -148,8 +148,8 @@ def _of_scenes(scales: pl.DataFrame) -> pl.DataFrame:
         core = pl.col(f"core_{axis}_px")
         values = {"n": pl.col("n"), "n_scenes": pl.lit(1), "beyond": pl.col(f"beyond_{axis}"), "log": core.log()}
         parts |= {f"{name}_{axis}": pl.when(core.is_not_null()).then(value) for name, value in values.items()}
-    known = scales.filter(pl.any_horizontal(pl.col("core_u_px", "core_v_px").is_not_null()))
-    table = known.select(*_POINT, **parts)
+    with_core = scales.filter(pl.any_horizontal(pl.col("core_u_px", "core_v_px").is_not_null()))
+    table = with_core.select(*_POINT, **parts)
     return table.select(*_POINT, *(pl.col(name).cast(kind).fill_null(0) for name, kind in _SUMS.items()))
 
 

@@ -76,8 +76,8 @@ def summary(
     rejected = check(outliers, OUTLIERS, "outliers").select(*POOLED, outlier_ratio="pooled_ratio")
     scenes = lifetimes.group_by(POOLED).agg(pl.col("n_scenes").max())
     scales = check(empty(CORES) if cores is None else cores, CORES, "cores").filter(population=population)
-    known = check(empty(FLOOR) if floor is None else floor, FLOOR, "floor").filter(source=FloorSource.all)
-    errors = _with_floor(_with_cores(_at_reference(points), scales), known)
+    floors = check(empty(FLOOR) if floor is None else floor, FLOOR, "floor").filter(source=FloorSource.all)
+    errors = _with_floor(_with_cores(_at_reference(points), scales), floors)
     parts = [scenes, lived, rejected, errors]
     table = pl.concat([part.select(POOLED) for part in (*parts, curves)]).unique()
     for part in parts:
@@ -106,8 +106,8 @@ def _with_cores(errors: pl.DataFrame, cores: pl.DataFrame) -> pl.DataFrame:
     names = ("core_u_px", "core_v_px", "beyond_u", "beyond_v")
     place = [*POOLED, "axis", "at"]
     for trimming in TRIMMING.categories:
-        found = cores.filter(trimming=trimming).select(*place, pl.col(names).name.prefix(f"{trimming}_"))
-        errors = errors.join(found, on=place, how="left")
+        scales = cores.filter(trimming=trimming).select(*place, pl.col(names).name.prefix(f"{trimming}_"))
+        errors = errors.join(scales, on=place, how="left")
     return errors
 
 

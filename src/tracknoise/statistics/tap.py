@@ -80,19 +80,19 @@ def tap_vid(points: PointTracks, scale: ArrayLike = (1.0, 1.0)) -> dict[str, flo
     visible, reported = points.visible & evaluated, points.reported & evaluated
     distance, predicted = points.distance(scale), points.predicted_distance(scale)
     n_visible = int(visible.sum())
-    found: dict[str, float] = {}
+    metrics: dict[str, float] = {}
     for threshold in THRESHOLDS:
         correct = int((visible & reported & (distance < threshold)).sum())
         wrong = int(reported.sum()) - correct
         near = None if predicted is None else int((visible & (predicted < threshold)).sum())
-        found[f"delta_{threshold}"] = float("nan") if near is None else _ratio(near, n_visible)
-        found[f"delta_reported_{threshold}"] = _ratio(correct, n_visible)
-        found[f"jaccard_{threshold}"] = _ratio(correct, n_visible + wrong)
+        metrics[f"delta_{threshold}"] = float("nan") if near is None else _ratio(near, n_visible)
+        metrics[f"delta_reported_{threshold}"] = _ratio(correct, n_visible)
+        metrics[f"jaccard_{threshold}"] = _ratio(correct, n_visible + wrong)
     means = {"delta_avg": "delta", "delta_avg_reported": "delta_reported", "average_jaccard": "jaccard"}
     for mean, name in means.items():
-        found[mean] = float(np.mean([found[f"{name}_{threshold}"] for threshold in THRESHOLDS]))
-    found["occlusion_accuracy"] = _ratio(int((evaluated & (visible == reported)).sum()), int(evaluated.sum()))
-    return found
+        metrics[mean] = float(np.mean([metrics[f"{name}_{threshold}"] for threshold in THRESHOLDS]))
+    metrics["occlusion_accuracy"] = _ratio(int((evaluated & (visible == reported)).sum()), int(evaluated.sum()))
+    return metrics
 
 
 def expected_feature_age(points: PointTracks, scale: ArrayLike = (1.0, 1.0)) -> float:

@@ -65,8 +65,8 @@ def _count(
     n = pl.Series(np.bincount(codes, minlength=pooled.count * len(names)), dtype=pl.Int64)
     unknown = np.isin(np.arange(pooled.count), place[~stated]).repeat(len(names))
     n = n.set(pl.Series(unknown) & (n == 0), None)
-    every = pl.DataFrame({"kind": kind, "name": [name.name for name in names]})
-    grid = pooled.keys.join(every, how="cross", maintain_order="left_right")
+    all_names = pl.DataFrame({"kind": kind, "name": [name.name for name in names]})
+    grid = pooled.keys.join(all_names, how="cross", maintain_order="left_right")
     present = np.isin(np.arange(pooled.count), pooled.index[condition])
     return grid.with_columns(n=n).filter(pl.Series(present.repeat(len(names))))
 

@@ -116,9 +116,9 @@ def truth_floor(floors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     together = _added(squared.select(*_PLACE, *_FLOOR_MOMENTS, "var_u", "var_v", _UNKNOWN), _PLACE).join(
         of_scenes, on=_PLACE
     )
-    every = together.with_columns(source=pl.lit(FloorSource.all, dtype=FLOOR_SOURCE)).with_columns(_values())
+    all_sources = together.with_columns(source=pl.lit(FloorSource.all, dtype=FLOOR_SOURCE)).with_columns(_values())
     single = squared.filter(pl.col("source") != FloorSource.all).with_columns(_values())
-    parts = [part.select(pl.col(name).cast(kind) for name, kind in FLOOR.items()) for part in (every, single)]
+    parts = [part.select(pl.col(name).cast(kind) for name, kind in FLOOR.items()) for part in (all_sources, single)]
     return check(pl.concat(parts).sort(_POINT), FLOOR, "floor")
 
 
@@ -139,9 +139,9 @@ def _variance(axis: str) -> pl.Expr:
 
 def _values() -> list[pl.Expr]:
     n = pl.col("n")
-    known = pl.when(pl.col(_UNKNOWN) == 0.0)
+    where_known = pl.when(pl.col(_UNKNOWN) == 0.0)
     moments = [(pl.col(f"sum_{name}") / n).alias(f"floor_{name}") for name in ("uu", "uv", "vv")]
-    return [*moments, *(known.then(pl.col(f"var_{axis}").sqrt() / n).alias(f"mean_{axis}_px") for axis in "uv")]
+    return [*moments, *(where_known.then(pl.col(f"var_{axis}").sqrt() / n).alias(f"mean_{axis}_px") for axis in "uv")]
 
 
 def with_floor(curves: pl.DataFrame, floor: pl.DataFrame) -> pl.DataFrame:
@@ -171,8 +171,8 @@ def with_floor(curves: pl.DataFrame, floor: pl.DataFrame) -> pl.DataFrame:
         "second": ("floor_uu", "floor_vv"),
         "central": ("floor_uu", "floor_vv"),
     }
-    known = check(floor, FLOOR, "floor").filter(source=FloorSource.all).drop("source", "n", "n_scenes", "floor_uv")
-    table = curves.join(known, on=_PLACE, how="left", maintain_order="left")
+    floors = check(floor, FLOOR, "floor").filter(source=FloorSource.all).drop("source", "n", "n_scenes", "floor_uv")
+    table = curves.join(floors, on=_PLACE, how="left", maintain_order="left")
     columns = {}
     for place, column in enumerate(FLOOR_COLUMNS):
         value = pl.lit(None, dtype=pl.Float64)
@@ -199,8 +199,8 @@ def between_trackers(sequence: PreparedSequence) -> pl.DataFrame:
     compared = conditions if sequence.slowest is None else conditions.filter(speed=sequence.slowest)
     together = compared.partition_by([*SEQUENCE, "speed"], maintain_order=True)
     pairs = [pair for group in together for pair in combinations(group["row"].to_list(), 2)]
-    found = _Positions.of(sequence) if pairs else None
-    parts = [_moments(found, *pair) for pair in pairs] if found else []
+    positions = _Positions.of(sequence) if pairs else None
+    parts = [_moments(positions, *pair) for pair in pairs] if positions else []
     table = pl.concat([empty(BETWEEN_TRACKERS), *parts]).sort(_KEYS)
     return check(table, BETWEEN_TRACKERS, "between trackers")
 
@@ -234,28 +234,28 @@ class _Positions:
         return rows, mine[rows] * (frame.max(initial=0) + 1) + frame[rows]
 
 
-def _moments(positions: _Positions, one: int, other: int) -> pl.DataFrame:
+def _moments(positions: _Positions, first: int, second: int) -> pl.DataFrame:
     """Moments of the differences of two conditions, by block and age."""
     sequence = positions.sequence
-    rows, others = _same_frames(positions, *_same_corners(positions, one, other))
+    rows, other_rows = _same_frames(positions, *_same_corners(positions, first, second))
     (block, age), group = number_combinations([sequence.block[rows], sequence.seen.age[rows]])
-    found = measure_moments(positions.moved[rows] - positions.moved[others], group, len(block), orders=SECOND)
-    columns = (block, age, found.n, *found.mean.T, *found.central.T)
+    moments = measure_moments(positions.moved[rows] - positions.moved[other_rows], group, len(block), orders=SECOND)
+    columns = (block, age, moments.n, *moments.mean.T, *moments.central.T)
     values = {
         name: pl.Series(column) for name, column in zip(("block", "age", *_DIFFERENCE_MOMENTS), columns, strict=True)
     }
-    labels = sequence.seen.conditions[[one] * len(block)]
-    named = labels.with_columns(pl.lit(sequence.seen.conditions["tracker"][other]).alias("other"), **values)
+    labels = sequence.seen.conditions[[first] * len(block)]
+    named = labels.with_columns(pl.lit(sequence.seen.conditions["tracker"][second]).alias("other"), **values)
     return named.select(pl.col(name).cast(kind) for name, kind in BETWEEN_TRACKERS.items())
 
 
-def _same_corners(positions: _Positions, one: int, other: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _same_corners(positions: _Positions, first: int, second: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of the tracks of two conditions that are of the same corner: each is the nearest to the other."""
     sequence = positions.sequence
     apart = sequence.tracks["first_frame"].to_numpy() * (3.0 * SAME_CORNER_PX)  # so that other frames are too far
     places = np.column_stack([apart, positions.first])
-    known = np.isfinite(positions.first[:, 0])
-    mine, theirs = (np.flatnonzero((sequence.track_condition == row) & known) for row in (one, other))
+    has_position = np.isfinite(positions.first[:, 0])
+    mine, theirs = (np.flatnonzero((sequence.track_condition == row) & has_position) for row in (first, second))
     if not len(mine) or not len(theirs):
         return mine[:0], theirs[:0]
     distance, nearest = KDTree(places[theirs]).query(places[mine])
@@ -269,9 +269,9 @@ def _same_frames(
     positions: _Positions, mine: NDArray[np.intp], theirs: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rows of the observations of pairs of tracks in the same frames."""
-    (rows, number), (others, other_number) = positions.of_tracks(mine), positions.of_tracks(theirs)
+    (rows, number), (other_rows, other_number) = positions.of_tracks(mine), positions.of_tracks(theirs)
     _, at, at_other = np.intersect1d(number, other_number, assume_unique=True, return_indices=True)
-    return rows[at], others[at_other]
+    return rows[at], other_rows[at_other]
 
 
 LAGS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96)
@@ -307,10 +307,10 @@ def relative_differences(first: NDArray[np.float64], second: NDArray[np.float64]
     moved = [np.linalg.solve(_known(poses[:-lag]), _known(poses[lag:])) for poses in (first, second)]
     difference = np.linalg.solve(*moved)
     rotation = Rotation.from_matrix(difference[:, :3, :3]).as_rotvec()
-    found = np.concatenate([rotation, difference[:, :3, 3]], axis=1)
+    vectors = np.concatenate([rotation, difference[:, :3, 3]], axis=1)
     ends = (first[:-lag], first[lag:], second[:-lag], second[lag:])
-    found[np.any([np.isnan(poses).any(axis=(1, 2)) for poses in ends], axis=0)] = np.nan
-    return found
+    vectors[np.any([np.isnan(poses).any(axis=(1, 2)) for poses in ends], axis=0)] = np.nan
+    return vectors
 
 
 def _known(poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -320,9 +320,9 @@ def _known(poses: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _of_lag(first: NDArray[np.float64], second: NDArray[np.float64], lag: int) -> pl.DataFrame:
     difference = relative_differences(first, second, lag)
-    known = np.flatnonzero(~np.isnan(difference).any(axis=1))
-    squares = np.square(difference[known]).reshape(-1, 2, 3).mean(axis=2)
-    block = known * BLOCKS // len(difference)
+    frames = np.flatnonzero(~np.isnan(difference).any(axis=1))
+    squares = np.square(difference[frames]).reshape(-1, 2, 3).mean(axis=2)
+    block = frames * BLOCKS // len(difference)
     sums = {name: np.bincount(block, squares[:, place], BLOCKS) for place, name in enumerate(_SQUARES)}
     table = pl.DataFrame({"block": np.arange(BLOCKS), "lag": [lag] * BLOCKS, "n": np.bincount(block, minlength=BLOCKS)})
     kinds = {name: kind for name, kind in POSE_DIFFERENCES.items() if name not in SEQUENCE}
@@ -344,17 +344,17 @@ def truth_differences(sequence: PreparedSequence) -> pl.DataFrame:
     if not set(SECOND_TRUTH) <= set(sequence.observations.columns):
         return empty(TRUTH_DIFFERENCES)
     second_px = sequence.observations.select(*SECOND_TRUTH).to_numpy()
-    known = sequence.seen.visible & sequence.at_slowest & ~np.isnan(second_px).any(axis=1)
-    parts = [part for trimming in Trimming for part in _of_trimming(sequence, second_px, known, trimming)]
+    compared = sequence.seen.visible & sequence.at_slowest & ~np.isnan(second_px).any(axis=1)
+    parts = [part for trimming in Trimming for part in _of_trimming(sequence, second_px, compared, trimming)]
     table = pl.concat([empty(TRUTH_DIFFERENCES), *parts])
     keys = [name for name in TRUTH_DIFFERENCES if name not in _SUMS]
     return check(table.sort(keys), TRUTH_DIFFERENCES, "truth differences")
 
 
 def _of_trimming(
-    sequence: PreparedSequence, second_px: NDArray[np.float64], known: NDArray[np.bool_], trimming: Trimming
+    sequence: PreparedSequence, second_px: NDArray[np.float64], compared: NDArray[np.bool_], trimming: Trimming
 ) -> Iterator[pl.DataFrame]:
-    rows = np.flatnonzero(known & sequence.seen.kept if trimming == Trimming.trimmed else known)
+    rows = np.flatnonzero(compared & sequence.seen.kept if trimming == Trimming.trimmed else compared)
     first = sequence.seen.error_px[rows]
     second = sequence.observations.select("u_px", "v_px").to_numpy()[rows] - second_px[rows]
     values = {
@@ -362,10 +362,10 @@ def _of_trimming(
         TruthQuantity.first: first,
         TruthQuantity.second: second,
     }
-    of = pl.lit(trimming, dtype=TRIMMING).alias("trimming")
+    of_trimming = pl.lit(trimming, dtype=TRIMMING).alias("trimming")
     for quantity, value in values.items():
         named = pl.lit(quantity, dtype=TRUTH_QUANTITY).alias("quantity")
-        yield _summed(sequence, rows, value).with_columns(named, of).select(*TRUTH_DIFFERENCES)
+        yield _summed(sequence, rows, value).with_columns(named, of_trimming).select(*TRUTH_DIFFERENCES)
 
 
 def _summed(sequence: PreparedSequence, rows: NDArray[np.intp], value: NDArray[np.float64]) -> pl.DataFrame:
@@ -375,9 +375,9 @@ def _summed(sequence: PreparedSequence, rows: NDArray[np.intp], value: NDArray[n
         "block": sequence.block[rows],
         "age": sequence.seen.age[rows].astype(np.uint32),
     }
-    found = group_rows(pl.DataFrame(keys), list(keys))
+    groups = group_rows(pl.DataFrame(keys), list(keys))
     u, v = value.T
     terms = zip(_SUMS, (np.ones_like(u), u, v, u * u, u * v, v * v), strict=True)
-    sums = {name: np.bincount(found.index, term, found.count).astype(np.float64) for name, term in terms}
-    named = sequence.seen.conditions[found.keys["condition"].to_numpy()].hstack(found.keys.drop("condition"))
+    sums = {name: np.bincount(groups.index, term, groups.count).astype(np.float64) for name, term in terms}
+    named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
     return named.with_columns(**sums).with_columns(pl.col("n").cast(TRUTH_DIFFERENCES["n"]))

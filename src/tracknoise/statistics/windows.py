@@ -105,8 +105,8 @@ def fit_windows(
     left = _without(errors, lateral)
     z_px = np.einsum("wi,wi->w", unit, left)
     left = np.where(shown[:, None], left - z_px[:, None] * unit, left)
-    taken = np.square(lateral).sum(axis=2) + np.where(shown[:, None], unit**2, 0.0)
-    return FittedWindows(_by_axis(left**2), _by_axis(1.0 - taken), np.where(shown, z_px, np.nan))
+    leverage = np.square(lateral).sum(axis=2) + np.where(shown[:, None], unit**2, 0.0)
+    return FittedWindows(_by_axis(left**2), _by_axis(1.0 - leverage), np.where(shown, z_px, np.nan))
 
 
 def directions(ray_m: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -147,11 +147,11 @@ def window_runs(
     member = sequence.seen.members(population)[rows]
     outside = np.where(member, len(rows), place)
     until = np.minimum.reduceat(outside, new) if len(new) else np.empty(0, np.intp)
-    taken = np.minimum(np.minimum(length, until), max(WINDOWS))
-    taken = np.where(taken >= min(WINDOWS), taken, 0)
-    kept = place < np.repeat(taken, length)
-    taken = taken[taken > 0]
-    return rows[kept], np.cumsum(taken) - taken, taken
+    n_used = np.minimum(np.minimum(length, until), max(WINDOWS))
+    n_used = np.where(n_used >= min(WINDOWS), n_used, 0)
+    kept = place < np.repeat(n_used, length)
+    n_used = n_used[n_used > 0]
+    return rows[kept], np.cumsum(n_used) - n_used, n_used
 
 
 def window_derivatives(
@@ -201,16 +201,16 @@ def window_noise(
         Tables ``window_noise`` and ``window_blocks``, of the schemas `WINDOW_NOISE` and `WINDOW_BLOCKS`, sorted.
     """
     parts = [*_windows(sequence, geometry, population)]
-    whole, blocks = [empty(WINDOW_NOISE)], [empty(WINDOW_BLOCKS)]
+    scenes, blocks = [empty(WINDOW_NOISE)], [empty(WINDOW_BLOCKS)]
     if parts:
         of_windows = pl.concat(
             part if with_depth else part.with_columns(z=pl.lit(None, dtype=pl.Float64)) for part in parts
         )
         for trimming, chosen in _trimmings(of_windows):
-            whole.append(_table(sequence, chosen.with_columns(block=None), trimming, WINDOW_NOISE))
+            scenes.append(_table(sequence, chosen.with_columns(block=None), trimming, WINDOW_NOISE))
             blocks.append(_table(sequence, chosen.filter("slow"), trimming, WINDOW_BLOCKS))
     return {
-        "window_noise": _checked(pl.concat(whole), WINDOW_NOISE, "window noise"),
+        "window_noise": _checked(pl.concat(scenes), WINDOW_NOISE, "window noise"),
         "window_blocks": _checked(pl.concat(blocks), WINDOW_BLOCKS, "window blocks"),
     }
 
@@ -248,7 +248,7 @@ def _fitted(
 ) -> pl.DataFrame:
     places = start[:, None] + np.arange(window)
     observed = rows[places]
-    found = fit_windows(sequence.seen.error_px[observed], jacobian[places], ray_m)
+    fits = fit_windows(sequence.seen.error_px[observed], jacobian[places], ray_m)
     first = observed[:, 0]
     return pl.DataFrame(
         {
@@ -257,18 +257,18 @@ def _fitted(
             "window": np.full(len(first), window),
             "kept": sequence.seen.kept[first],
             "slow": sequence.at_slowest[first],
-            **_numbers(found),
+            **_numbers(fits),
         }
     ).filter(pl.col("squares_u").is_finite() & pl.col("squares_v").is_finite())
 
 
-def _numbers(found: FittedWindows) -> Mapping[str, object]:
+def _numbers(fits: FittedWindows) -> Mapping[str, object]:
     return {
-        "squares_u": found.squares[:, 0],
-        "squares_v": found.squares[:, 1],
-        "freedom_u": found.freedom[:, 0],
-        "freedom_v": found.freedom[:, 1],
-        "z": pl.Series(found.z_px, nan_to_null=True),
+        "squares_u": fits.squares[:, 0],
+        "squares_v": fits.squares[:, 1],
+        "freedom_u": fits.freedom[:, 0],
+        "freedom_v": fits.freedom[:, 1],
+        "z": pl.Series(fits.z_px, nan_to_null=True),
     }
 
 
@@ -299,14 +299,14 @@ def _table(sequence: PreparedSequence, windows: pl.DataFrame, trimming: Trimming
         "z_counts": _histograms(groups.index, z.abs().to_numpy(), groups.count),
     }
     named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
-    made = named.with_columns(pl.lit(trimming, dtype=TRIMMING).alias("trimming"), **sums, **counts)
-    return made.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    labelled = named.with_columns(pl.lit(trimming, dtype=TRIMMING).alias("trimming"), **sums, **counts)
+    return labelled.select(pl.col(name).cast(kind) for name, kind in schema.items())
 
 
 def _histograms(group: NDArray[np.intp], values: NDArray[np.float64], count: int) -> pl.Series:
     """Histogram of the values of each group, as lists; missing values are not counted."""
-    known = ~np.isnan(values)
-    cells = group[known] * LOG_HISTOGRAM_BINS + bin_of(values[known])
+    is_known = ~np.isnan(values)
+    cells = group[is_known] * LOG_HISTOGRAM_BINS + bin_of(values[is_known])
     counted = np.bincount(cells, minlength=count * LOG_HISTOGRAM_BINS).reshape(count, LOG_HISTOGRAM_BINS)
     return pl.Series(counted.tolist(), dtype=pl.List(pl.UInt32))
 
@@ -337,21 +337,21 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
     """
     rows, start, length = window_runs(sequence, population)
     chosen, stands_for = _spread(sequence, rows[start], length)
-    taken = np.minimum(length[chosen], max(SAMPLED_LENGTHS))
-    first = np.cumsum(taken) - taken
-    observed = rows[np.repeat(start[chosen] - first, taken) + np.arange(taken.sum())]
-    jacobian, ray_m = window_derivatives(sequence, geometry, observed, first, taken)
+    counts = np.minimum(length[chosen], max(SAMPLED_LENGTHS))
+    first = np.cumsum(counts) - counts
+    observed = rows[np.repeat(start[chosen] - first, counts) + np.arange(counts.sum())]
+    jacobian, ray_m = window_derivatives(sequence, geometry, observed, first, counts)
     bases = np.concatenate([directions(ray_m)[0], ray_m[:, :, None]], axis=2)
-    derivatives = np.swapaxes(jacobian @ np.repeat(bases, taken, axis=0), 1, 2).reshape(-1, len(_DERIVATIVES))
+    derivatives = np.swapaxes(jacobian @ np.repeat(bases, counts, axis=0), 1, 2).reshape(-1, len(_DERIVATIVES))
     seen = sequence.seen
     columns = {
         "block": sequence.block[observed],
         "track": seen.track[observed],
-        "stands_for": np.repeat(stands_for, taken),
+        "stands_for": np.repeat(stands_for, counts),
         "kept": seen.kept[observed],
         "age": seen.age[observed],
         **dict(zip(("du_px", "dv_px"), seen.error_px[observed].T, strict=True)),
-        "magnification": magnifications(sequence, geometry, observed, first, taken),
+        "magnification": magnifications(sequence, geometry, observed, first, counts),
         **dict(zip(_DERIVATIVES, derivatives.T, strict=True)),
     }
     table = seen.conditions[seen.condition[observed]].hstack(pl.DataFrame(columns))
@@ -368,18 +368,18 @@ def _spread(
     kind = np.where(sequence.at_slowest[born], np.searchsorted(SAMPLED_LENGTHS, length, side="right"), 0)
     group = condition * (len(SAMPLED_LENGTHS) + 1) + kind
     places, weights = [np.empty(0, np.intp)], [np.empty(0)]
-    for one in np.unique(group[kind > 0]):
-        own = np.flatnonzero(group == one)
-        count = min(len(own), MOST)
-        places.append(own[np.arange(count) * len(own) // count])
-        weights.append(np.full(count, len(own) / count))
+    for number in np.unique(group[kind > 0]):
+        members = np.flatnonzero(group == number)
+        count = min(len(members), MOST)
+        places.append(members[np.arange(count) * len(members) // count])
+        weights.append(np.full(count, len(members) / count))
     return np.concatenate(places), np.concatenate(weights)
 
 
 def _finite(table: pl.DataFrame) -> pl.DataFrame:
     """Rows of each track before the first one that has an unknown number."""
-    known = pl.all_horizontal(pl.col("du_px", "dv_px", "magnification", *_DERIVATIVES).is_finite())
-    before = known.cast(pl.UInt8).cum_min().over("tracker", "speed", "track") == 1
+    is_known = pl.all_horizontal(pl.col("du_px", "dv_px", "magnification", *_DERIVATIVES).is_finite())
+    before = is_known.cast(pl.UInt8).cum_min().over("tracker", "speed", "track") == 1
     return table.filter(before)
 
 
@@ -416,8 +416,8 @@ def _length_class(sequence: PreparedSequence) -> NDArray[np.int64]:
 
 def _triangulated(sequence: PreparedSequence) -> NDArray[np.float64]:
     """Values of `_SUMS` of each observation, (rows, sums); NaN where it does not count."""
-    taken = sequence.observations.select("leverage_uu", "leverage_vv").to_numpy()
-    squares, freedom = np.square(sequence.seen.error_px), 1.0 - taken
+    leverage = sequence.observations.select("leverage_uu", "leverage_vv").to_numpy()
+    squares, freedom = np.square(sequence.seen.error_px), 1.0 - leverage
     squares[~sequence.seen.visible] = np.nan
     (of_u, of_v), (free_u, free_v) = squares.T, freedom.T
     return np.column_stack([np.ones(len(of_u)), of_u, free_u, of_v, free_v, of_u + of_v, free_u + free_v])
@@ -425,8 +425,8 @@ def _triangulated(sequence: PreparedSequence) -> NDArray[np.float64]:
 
 def _epipolar(sequence: PreparedSequence) -> NDArray[np.float64]:
     distance, variance = sequence.observations.select(*EPIPOLAR).to_numpy().T
-    squares, one, none = np.square(distance) / variance, np.ones(len(distance)), np.zeros(len(distance))
-    return np.column_stack([one, none, none, none, none, squares, one])
+    squares, ones, zeros = np.square(distance) / variance, np.ones(len(distance)), np.zeros(len(distance))
+    return np.column_stack([ones, zeros, zeros, zeros, zeros, squares, ones])
 
 
 def _summed(
@@ -437,15 +437,15 @@ def _summed(
     values: NDArray[np.float64],
 ) -> pl.DataFrame:
     """Sums by scene, condition, block and class of lengths."""
-    known = ~np.isnan(values).any(axis=1)
-    rows = np.flatnonzero(known & sequence.seen.kept if trimming == Trimming.trimmed else known)
+    is_known = ~np.isnan(values).any(axis=1)
+    rows = np.flatnonzero(is_known & sequence.seen.kept if trimming == Trimming.trimmed else is_known)
     keys = {"condition": sequence.seen.condition[rows], "block": sequence.block[rows], "length_low": length_low[rows]}
-    found = group_rows(pl.DataFrame(keys), list(keys))
+    groups = group_rows(pl.DataFrame(keys), list(keys))
     sums = {
-        name: np.bincount(found.index, values[rows, place], found.count)
+        name: np.bincount(groups.index, values[rows, place], groups.count)
         for place, name in enumerate(_FITTED_NOISE_SUMS)
     }  # fmt: skip
-    named = sequence.seen.conditions[found.keys["condition"].to_numpy()].hstack(found.keys.drop("condition"))
+    named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
     return named.with_columns(*_labels(measure, trimming), **sums).select(
         pl.col(name).cast(kind) for name, kind in FITTED_NOISE.items()
     )

@@ -126,16 +126,16 @@ def largest_differences(points: pl.DataFrame, *, by: list[str], level: str) -> p
     values = points.select(*by, "at", pl.col(level).alias("level"), "u", "v").unpivot(
         ["u", "v"], index=[*by, "at", "level"], variable_name="coordinate", value_name="value"
     )
-    both = values.drop_nulls("value").join(values.drop_nulls("value"), on=[*by, "coordinate", "at"], suffix="_b")
-    pairs = both.filter(pl.col("level") < pl.col("level_b")).sort("at")
+    joined = values.drop_nulls("value").join(values.drop_nulls("value"), on=[*by, "coordinate", "at"], suffix="_b")
+    pairs = joined.filter(pl.col("level") < pl.col("level_b")).sort("at")
     apart, middle = (pl.col("value") - pl.col("value_b")).abs(), (pl.col("value") + pl.col("value_b")) / 2
-    found = pairs.group_by(*by, "coordinate", level_a="level", level_b="level_b").agg(
+    differences = pairs.group_by(*by, "coordinate", level_a="level", level_b="level_b").agg(
         difference=apart.max(),
         at=pl.col("at").get(apart.arg_max()),
         common=pl.max_horizontal(middle.max(), 0.0) - pl.min_horizontal(middle.min(), 0.0),
         n_shared=pl.len().cast(pl.Int32),
     )
-    return found.with_columns(effect=relative("difference", "common"))
+    return differences.with_columns(effect=relative("difference", "common"))
 
 
 def relative(difference: str, common: str) -> pl.Expr:
@@ -267,7 +267,7 @@ def _against_absolute(pairs: pl.DataFrame, keys: list[str]) -> pl.DataFrame:
 def _by_scalars(values: pl.DataFrame, factor: str) -> pl.DataFrame:
     """Effect on each statistic with one number per condition, by (effect.scalar)."""
     keys, value, level = [*_others(factor), "statistic"], pl.col("value"), pl.col(factor).cast(pl.String)
-    found = (
+    effects = (
         values.sort(*keys, factor)
         .group_by(keys, maintain_order=True)
         .agg(
@@ -279,7 +279,7 @@ def _by_scalars(values: pl.DataFrame, factor: str) -> pl.DataFrame:
             n_pairs=(pl.len() * (pl.len() - 1) // 2).cast(pl.Int32),
         )
     )
-    several = found.filter(pl.col("compared").list.len() > 1)
+    several = effects.filter(pl.col("compared").list.len() > 1)
     return several.with_columns(effect=relative("difference", "common"))
 
 
@@ -290,8 +290,10 @@ def _missing() -> pl.Expr:
 
 def _verdict() -> pl.Expr:
     matters = pl.when(pl.col("effect") > pl.col("margin")).then(pl.lit(Verdict.yes))
-    known = matters.when((pl.col("effect") <= pl.col("margin")) & (_missing().list.len() == 0)).then(pl.lit(Verdict.no))
-    return known.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
+    decided = matters.when((pl.col("effect") <= pl.col("margin")) & (_missing().list.len() == 0)).then(
+        pl.lit(Verdict.no)
+    )
+    return decided.otherwise(pl.lit(Verdict.undecided)).cast(VERDICT)
 
 
 def _why() -> pl.Expr:
@@ -300,11 +302,11 @@ def _why() -> pl.Expr:
     alone = pl.format("only one {} was measured: {}", "factor", pl.col("levels").list.first())
     nothing = pl.lit("no two levels have a point in common")
     missing = pl.format("nothing to compare {} {} by", "factor", _missing().list.join(", "))
-    one = pl.col("n_levels") < 2
+    has_one_level = pl.col("n_levels") < 2
     return (
         pl.when(decided)
         .then(None)
-        .when(one)
+        .when(has_one_level)
         .then(alone)
         .when(pl.col("effect").is_null())
         .then(nothing)

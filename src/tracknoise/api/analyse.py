@@ -60,14 +60,14 @@ def analyse(
     SettingsError
         If a setting is wrong, there is no measurement, a sequence was measured twice, or populations differ.
     """
-    asked = {
+    overrides = {
         "statistics": _given(min_features=min_features),
         "findings": _given(margin=margin, level=level, intervals=intervals),
     }
     run = Run(RunFolder(Path(tempfile.mkdtemp(prefix="tracknoise-"))))
     weakref.finalize(run, shutil.rmtree, run.path, ignore_errors=True)
-    each = measurements if isinstance(measurements, Iterable) else [measurements]
-    _fill(RunFolder(run.path), each, asked)
+    all_measurements = measurements if isinstance(measurements, Iterable) else [measurements]
+    _fill(RunFolder(run.path), all_measurements, overrides)
     return run
 
 
@@ -83,19 +83,19 @@ def _given(**settings: object) -> dict[str, object]:
     return {name: value for name, value in settings.items() if value is not None}
 
 
-def _fill(folder: RunFolder, measurements: Iterable[Measurement], asked: Mapping[str, object]) -> None:
+def _fill(folder: RunFolder, measurements: Iterable[Measurement], overrides: Mapping[str, object]) -> None:
     """Write a run of measurements."""
-    written = [_write(folder, measurement, asked) for measurement in measurements]
+    written = [_write(folder, measurement, overrides) for measurement in measurements]
     _check(written)
-    experiment = _experiment(pl.concat(part.conditions for part in written), written[0].population, asked)
+    experiment = _experiment(pl.concat(part.conditions for part in written), written[0].population, overrides)
     write_settings(folder, experiment, [part.entry for part in written])
     compute_findings(folder, experiment, compute_statistics(folder, experiment))
 
 
-def _write(folder: RunFolder, measurement: Measurement, asked: Mapping[str, object]) -> _Written:
+def _write(folder: RunFolder, measurement: Measurement, overrides: Mapping[str, object]) -> _Written:
     require_measurement(measurement)
     conditions = measurement.frames.select("dataset", "tracker", "speed").unique(maintain_order=True)
-    experiment = _experiment(conditions, measurement.population, asked)
+    experiment = _experiment(conditions, measurement.population, overrides)
     return _Written(write_measurement(folder, experiment, measurement), conditions, measurement.population)
 
 
@@ -112,7 +112,7 @@ def _check(written: Sequence[_Written]) -> None:
         raise SettingsError(f"found populations {' and '.join(populations)}, expected measurements of one")
 
 
-def _experiment(conditions: pl.DataFrame, population: str, asked: Mapping[str, object]) -> Experiment:
+def _experiment(conditions: pl.DataFrame, population: str, overrides: Mapping[str, object]) -> Experiment:
     """The experiment whose run the measurements would be."""
     settings = {
         "name": "analysis",
@@ -120,6 +120,6 @@ def _experiment(conditions: pl.DataFrame, population: str, asked: Mapping[str, o
         "trackers": [{"kind": tracker} for tracker in conditions["tracker"].unique(maintain_order=True)],
         "speeds": conditions["speed"].unique().sort().to_list(),
         "truth": {"population": population},
-        **asked,
+        **overrides,
     }
     return parse_experiment(tomlkit.dumps(settings), place="analyse")

@@ -96,9 +96,9 @@ def findings_about(findings: pl.DataFrame, results: pl.DataFrame, tracker: str) 
             continue
         ids = [name for part in parts for name in part["rows"]]
         first = row if row["rows"][:1] == ids[:1] else numbers.get(ids[0], {}) if ids else {}
-        own = {name: first.get(name) for name in ("value", "low", "high", "unit")}
+        estimate = {name: first.get(name) for name in ("value", "low", "high", "unit")}
         text = " ".join(filter(None, [row["opening"], *(part["text"] for part in parts), row["closing"]]))
-        rows.append({**row, **own, "text": text, "rows": ids, "parts": parts, "brief": ""})
+        rows.append({**row, **estimate, "text": text, "rows": ids, "parts": parts, "brief": ""})
     return pl.DataFrame(rows, schema=findings.schema)
 
 
@@ -141,17 +141,17 @@ def _listed(value: Wanted) -> list[str | float | None]:
 
 
 def _require_known(table: pl.DataFrame, column: str, values: list[str | float | None]) -> None:
-    known = _names(table, column)
+    names = _names(table, column)
     for value in values:
-        if known is not None and value not in known:
-            raise UnknownNameError(column, value, [name for name in known if name is not None])
+        if names is not None and value not in names:
+            raise UnknownNameError(column, value, [name for name in names if name is not None])
 
 
 def _require_type(column: str, values: Iterable[object], kind: pl.DataType | None) -> None:
     """Refuse values that polars cannot compare with the numbers or truth values of a column."""
     if kind is None:
         return
-    for value in (one for one in values if one is not None):
+    for value in (candidate for candidate in values if candidate is not None):
         if kind.is_integer():
             require_whole(column, value)
         elif kind.is_float():
@@ -321,15 +321,15 @@ class Run:
         UnknownNameError
             If the run has no such tracker.
         """
-        found = self._folder.statistics(FINDINGS)
-        if found.is_empty():
+        findings = self._folder.statistics(FINDINGS)
+        if findings.is_empty():
             raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
         if tracker is None:
-            return found.sort("rank")
-        known = self._conditions["tracker"].unique(maintain_order=True).to_list()
-        if tracker not in known:
-            raise UnknownNameError("tracker", tracker, known)
-        return findings_about(found.sort("rank"), run_results(self._folder, RUN_TABLES.values()), tracker)
+            return findings.sort("rank")
+        trackers = self._conditions["tracker"].unique(maintain_order=True).to_list()
+        if tracker not in trackers:
+            raise UnknownNameError("tracker", tracker, trackers)
+        return findings_about(findings.sort("rank"), run_results(self._folder, RUN_TABLES.values()), tracker)
 
     def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
         """Say what to set in an estimator: the same numbers as its findings and ``export --to text``.
@@ -533,11 +533,11 @@ class Run:
         _require_one(self._chosen(wanted), _IDENTITY, track=track)
         observations = self.observations(**wanted)
         _require_one(observations, _CONDITION, track=track)
-        found = observations.filter(pl.col("track") == track).sort("frame")
-        if found.is_empty():
-            known = counted(observations["track"].n_unique(), "track")
-            raise DataError(self.path, f"no track {track}", f"one of {known}")
-        return found
+        rows = observations.filter(pl.col("track") == track).sort("frame")
+        if rows.is_empty():
+            tracks = counted(observations["track"].n_unique(), "track")
+            raise DataError(self.path, f"no track {track}", f"one of {tracks}")
+        return rows
 
     def _chosen(self, wanted: Mapping[str, Any]) -> pl.DataFrame:
         """Rows of `sequences` whose names are wanted."""
@@ -574,5 +574,5 @@ def _require_one(table: pl.DataFrame, columns: Iterable[str], *, track: int) -> 
     for column in columns:
         values = table[column].unique().sort().to_list()
         if len(values) > 1:
-            found = ", ".join(map(str, values))
-            raise SettingsError(f"track {track}: several values of {column} match ({found}), expected one")
+            listed = ", ".join(map(str, values))
+            raise SettingsError(f"track {track}: several values of {column} match ({listed}), expected one")

@@ -71,7 +71,7 @@ class SigmaToSet:
             "makes right": f"{self.makes_right}, in {simulated}windows of {self.window} frames",
             "truth": self.caveat,
         }
-        return html_card(f"{self.tracker} in {self.estimator}", {name: one for name, one in facts.items() if one})
+        return html_card(f"{self.tracker} in {self.estimator}", {name: fact for name, fact in facts.items() if fact})
 
 
 def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[str, SigmaToSet]:
@@ -91,14 +91,14 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
     UnknownNameError, SettingsError
         If the estimator is not known, takes no single sigma, or no tracker has a model.
     """
-    about, found = estimator(name), run_models(run)
-    if not found.models:
-        why = "; ".join(f"{tracker}: {reason}" for tracker, reason in found.missing.items())
+    about, noise_models = estimator(name), run_models(run)
+    if not noise_models.models:
+        why = "; ".join(f"{tracker}: {reason}" for tracker, reason in noise_models.missing.items())
         raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
     length = _asked_window(run.statistics(ADVICE), estimator_name(name)) if window is None else window
     advised: dict[str, SigmaToSet] = {}
     reasons = []
-    for tracker, model in found.models.items():
+    for tracker, model in noise_models.models.items():
         try:
             advised[tracker] = _to_set(model, tracker, about, length)
         except SettingsError as error:  # no error in any direction that the estimator can see
@@ -115,25 +115,25 @@ def _asked_window(advice: pl.DataFrame, name: str) -> int | None:
 
 
 def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | None) -> SigmaToSet:
-    found = about.advise(model, window=window)
-    innovations = innovations_of(model, found)
+    advice = about.advise(model, window=window)
+    innovations = innovations_of(model, advice)
     return SigmaToSet(
         tracker=tracker,
         estimator=about.title,
-        sigma_px=found.sigma.value,
-        low_px=found.sigma.low,
-        high_px=found.sigma.high,
-        window=found.window,
-        simulated=found.simulated,
-        makes_right=right_for(found),
+        sigma_px=advice.sigma.value,
+        low_px=advice.sigma.low,
+        high_px=advice.sigma.high,
+        window=advice.window,
+        simulated=advice.simulated,
+        makes_right=right_for(advice),
         innovations_px=innovations.value,
-        state_sigma_px=None if found.state is None else found.state.sigma.value,
-        **_gates(found),
-        kernel=None if found.kernel is None else str(found.kernel),
-        knee=found.knee,
+        state_sigma_px=None if advice.state is None else advice.state.sigma.value,
+        **_gates(advice),
+        kernel=None if advice.kernel is None else str(advice.kernel),
+        knee=advice.knee,
         caveat="" if model.truth.verdict is Trust.trusted else model.truth.caveat,
     )
 
 
-def _gates(found: Advice) -> Mapping[str, float | None]:
-    return {f"{gate}_gate": found.every_gate.get(gate) for gate in Gate}
+def _gates(advice: Advice) -> Mapping[str, float | None]:
+    return {f"{gate}_gate": advice.every_gate.get(gate) for gate in Gate}

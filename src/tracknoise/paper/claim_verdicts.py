@@ -73,20 +73,20 @@ class Claim:
 def claims() -> tuple[Claim, ...]:
     """Claims of abstract, text, figures and captions, in the order of the experiments."""
     order = list(paper.findings())
-    found = [one for entry in paper.stated_claims() for one in _of_entry(entry)]
-    return tuple(sorted(found, key=lambda claim: order.index(claim.experiment)))
+    all_claims = [stated_claim for entry in paper.stated_claims() for stated_claim in _of_entry(entry)]
+    return tuple(sorted(all_claims, key=lambda claim: order.index(claim.experiment)))
 
 
 @cache
 def cells() -> tuple[Claim, ...]:
     """Cells of the summary tables: one for each experiment, factor, statistic and, where it matters, tracker."""
     return tuple(
-        _cell(experiment, factor, role, kind, said)
+        _cell(experiment, factor, role, kind, verdict)
         for experiment, tables in paper.findings().items()
         for factor, table in tables.items()
         if factor != "title"
         for role, value in table.items()
-        for kind, said in _by_tracker(factor, value)
+        for kind, verdict in _by_tracker(factor, value)
     )
 
 
@@ -105,23 +105,25 @@ def _by_tracker(factor: str, value: str | Mapping[str, str]) -> Iterator[tuple[s
         yield kind, value if isinstance(value, str) else value[kind or ""]
 
 
-def _cell(experiment: str, factor: str, role: str, kind: str | None, said: str) -> Claim:
+def _cell(experiment: str, factor: str, role: str, kind: str | None, verdict: str) -> Claim:
     whose = f" of {kind}" if kind else ""
-    text = f"The {factor} {'changes' if said == 'yes' else 'does not change'} the {STATISTICS[role]}{whose}."
+    text = f"The {factor} {'changes' if verdict == 'yes' else 'does not change'} the {STATISTICS[role]}{whose}."
     name = "-".join([factor, role, *([kind] if kind else [])])
-    stated = {"factor": factor, "role": role, "said": said, "rises": _claim_rises(experiment, factor, role, kind)}
+    stated = {"factor": factor, "role": role, "said": verdict, "rises": _claim_rises(experiment, factor, role, kind)}
     return Claim(name, experiment, "cell", text, "summary table", stated={**stated, "tracker": kind})
 
 
 def _claim_rises(experiment: str, factor: str, role: str, kind: str | None) -> bool | None:
     """Whether text or captions say that a statistic rises with speed. None where they say nothing."""
-    asked = {"kind": "trend", "role": role, "tracker": kind} if factor == "speed" else {}
-    found = [
+    criteria = {"kind": "trend", "role": role, "tracker": kind} if factor == "speed" else {}
+    rises = [
         entry["rises"]
         for entry in paper.stated_claims()
-        if asked and entry["experiment"] == experiment and all(entry.get(key) == value for key, value in asked.items())
+        if criteria
+        and entry["experiment"] == experiment
+        and all(entry.get(key) == value for key, value in criteria.items())
     ]
-    return found[0] if found else None
+    return rises[0] if rises else None
 
 
 Point = Mapping[str, Any]
@@ -131,8 +133,8 @@ Point = Mapping[str, Any]
 def tracker_named(data: ReportData, kind: str) -> str | None:
     """The tracker of a kind that the run names first. None if there is none."""
     entries = data.settings["trackers"]
-    named = [entry.get("name") or entry["kind"] for entry in entries if entry["kind"] == kind]
-    return next((name for name in named if name in data.trackers), None)
+    names = [entry.get("name") or entry["kind"] for entry in entries if entry["kind"] == kind]
+    return next((name for name in names if name in data.trackers), None)
 
 
 def curve(
@@ -163,20 +165,20 @@ def estimate(point: Point, coordinate: str) -> Estimate:
 
 def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: int) -> Estimate:
     """Mean error of a point in one of its coordinates, px, with an interval that allows for the choice of it."""
-    found = estimate(point, coordinate)
-    if choices == 1 or found.low is None:
-        return found
-    here = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
+    mean = estimate(point, coordinate)
+    if choices == 1 or mean.low is None:
+        return mean
+    condition = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
     rows = data["intervals"].filter(
         aspect=Aspect.all,
         weighting=Weighting.features,
         statistic=NAMES[data.axis.name]["mean"],
         axis=data.axis.name,
         coordinate=coordinate,
-        **here,
+        **condition,
     )
     row = rows.row(0, named=True)
-    return chosen_among(replace(found, level=row["level"]), choices, degrees=_degrees(row))
+    return chosen_among(replace(mean, level=row["level"]), choices, degrees=_degrees(row))
 
 
 def _degrees(row: Mapping[str, Any]) -> int:
@@ -217,12 +219,12 @@ def judge_cell(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     row = _cell_row(claim, runs[claim.experiment])
     if row is None:
         return Judgement(Agreement.open, reason=f"the run does not vary the {claim.stated['factor']}")
-    ours, said = row["verdict"], claim.stated["said"]
+    ours, theirs = row["verdict"], claim.stated["said"]
     if ours in (None, Verdict.undecided):
         return Judgement(Agreement.open, _value(row), row["why"] or row["yardstick_why"] or "undecided")
-    if ours != said:
+    if ours != theirs:
         return Judgement(Agreement.disagrees, _value(row))
-    return _directed(claim, row) if said == Verdict.yes else Judgement(Agreement.agrees, _value(row))
+    return _directed(claim, row) if theirs == Verdict.yes else Judgement(Agreement.agrees, _value(row))
 
 
 def judge_effect_bound(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
@@ -247,13 +249,13 @@ def _cell_row(claim: Claim, data: ReportData) -> Mapping[str, Any] | None:
 
 def _directed(claim: Claim, row: Mapping[str, Any]) -> Judgement:
     """The verdict where both find a change."""
-    said, ours = claim.stated.get("rises"), _cell_rises(row)
+    theirs, ours = claim.stated.get("rises"), _cell_rises(row)
     if ours is None:
         return Judgement(Agreement.agrees, _value(row))
     direction = f"{'rises' if ours else 'falls'} with speed"
-    if said is None:
+    if theirs is None:
         return Judgement(Agreement.agrees, _value(row), f"{direction}; {_UNKNOWN_DIRECTION}")
-    return Judgement(Agreement.agrees if ours == said else Agreement.opposite, _value(row), direction)
+    return Judgement(Agreement.agrees if ours == theirs else Agreement.opposite, _value(row), direction)
 
 
 def _cell_rises(row: Mapping[str, Any]) -> bool | None:
@@ -296,10 +298,10 @@ def judge_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     large = {axis: drift for axis, drift in drifts.items() if not is_within(drift, MARGIN * absolute[axis])}
     if not large:
         return Judgement(Agreement.disagrees, value, f"less than {percent(MARGIN)} of the mean absolute error")
-    known = [axis for axis, drift in large.items() if excludes_zero(drift)]
-    if not known:
+    drifting = [axis for axis, drift in large.items() if excludes_zero(drift)]
+    if not drifting:
         return Judgement(Agreement.open, value, "the interval contains zero, or there is none")
-    same = stated.get("sign") is None or all(stated["sign"] * mean[axis] > 0 for axis in known)
+    same = stated.get("sign") is None or all(stated["sign"] * mean[axis] > 0 for axis in drifting)
     return Judgement(Agreement.agrees if same else Agreement.opposite, value)
 
 
@@ -309,11 +311,11 @@ def judge_same_drift(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     They are compared in the coordinate in which the first drifts more. Their intervals allow for this choice.
     """
     data = runs[claim.experiment]
-    one, other = (curve(data, tracker_named(data, kind) or "", "mean") for kind in claim.stated["trackers"])
-    at = last(one.join(other, on="since", how="semi"))
+    left, right = (curve(data, tracker_named(data, kind) or "", "mean") for kind in claim.stated["trackers"])
+    at = last(left.join(right, on="since", how="semi"))
     if at is None:
         return Judgement(Agreement.open, reason=_NO_CURVE)
-    points = [table.filter(since=at["since"]).row(0, named=True) for table in (one, other)]
+    points = [table.filter(since=at["since"]).row(0, named=True) for table in (left, right)]
     axis = max("uv", key=lambda name: abs(at[name]))
     first, second = (mean_chosen_among(data, point, axis, len("uv")) for point in points)
     value = f"{axis}: {at_place(data, first, at['since'])} and {at_place(data, second, at['since'])}"
@@ -376,14 +378,14 @@ def judge_zero_mean_gaussian(claim: Claim, runs: Mapping[str, ReportData]) -> Ju
 def judge_not_zero_mean_gaussian(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     """As `judge_zero_mean_gaussian` for every tracker. One tracker with such errors is enough."""
     data = runs[claim.experiment]
-    found = {tracker: _answers(data, tracker) for tracker in data.trackers}
-    value = "; ".join(f"{tracker}: {_described(answers)}" for tracker, answers in found.items())
+    by_tracker = {tracker: _answers(data, tracker) for tracker in data.trackers}
+    value = "; ".join(f"{tracker}: {_described(answers)}" for tracker, answers in by_tracker.items())
     contrary = {Agreement.agrees: Agreement.disagrees, Agreement.disagrees: Agreement.agrees}
-    each = {contrary.get(verdict, verdict) for verdict in map(_all_of, found.values())}
+    agreements = {contrary.get(verdict, verdict) for verdict in map(_all_of, by_tracker.values())}
     for verdict in (Agreement.agrees, Agreement.open):
-        if verdict in each:
+        if verdict in agreements:
             return Judgement(verdict, value)
-    return Judgement(Agreement.disagrees if each else Agreement.open, value)
+    return Judgement(Agreement.disagrees if agreements else Agreement.open, value)
 
 
 def _ends(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -447,14 +449,14 @@ def judge_trend(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     """
     data, stated = runs[claim.experiment], claim.stated
     tracker = tracker_named(data, stated["tracker"]) or ""
-    found = (
+    by_speed = (
         _steps(data, tracker, stated["role"]) if stated["place"] == "step" else _shared(data, tracker, stated["role"])
     )
-    if len(found) < 2:
+    if len(by_speed) < 2:
         return Judgement(Agreement.open, reason="no two speeds have a point in common")
-    (slow, *_, fast) = found.values()
-    shown = ", ".join(number(_size(point)) for point in found.values())
-    value = f"{shown} px at speeds {', '.join(map(str, found))}"
+    (slow, *_, fast) = by_speed.values()
+    shown = ", ".join(number(_size(point)) for point in by_speed.values())
+    value = f"{shown} px at speeds {', '.join(map(str, by_speed))}"
     place = "one step from zero" if stated["place"] == "step" else data.axis.place(slow["since"])
     sizes = f"sizes are means of u and v {place}"
     apart = [axis for axis in "uv" if overlap(estimate(slow, axis), estimate(fast, axis)) is False]
@@ -469,12 +471,12 @@ def judge_trend(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
 
 def judge_motion(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     """By root second moments of two experiments at the last age that both have, for each tracker."""
-    other = claim.stated["other"]
-    if other not in runs:
-        return Judgement(Agreement.open, reason=f"{other} was not measured")
+    experiment = claim.stated["other"]
+    if experiment not in runs:
+        return Judgement(Agreement.open, reason=f"{experiment} was not measured")
     values, differ = [], []
     for tracker in runs[claim.experiment].trackers:
-        pair = _pair(runs[claim.experiment], runs[other], tracker)
+        pair = _pair(runs[claim.experiment], runs[experiment], tracker)
         if pair is not None:
             sizes = [at_place(runs[claim.experiment], estimate(point, "u"), point["since"]) for point in pair]
             values.append(f"{tracker}, u: {sizes[0]} and {sizes[1]}")
@@ -484,8 +486,8 @@ def judge_motion(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
     return Judgement(Agreement.open, "; ".join(values), "intervals overlap or are unknown")
 
 
-def _pair(one: ReportData, other: ReportData, tracker: str) -> tuple[Point, Point] | None:
-    curves = [curve(data, tracker, "second") for data in (one, other)]
+def _pair(first: ReportData, second: ReportData, tracker: str) -> tuple[Point, Point] | None:
+    curves = [curve(data, tracker, "second") for data in (first, second)]
     at = last(curves[0].join(curves[1], on="since", how="semi"))
     if at is None:
         return None
@@ -543,8 +545,8 @@ def judge(claim: Claim, runs: Mapping[str, ReportData]) -> Judgement:
 
 def _trackers(claim: Claim) -> list[str]:
     """Kinds of the trackers that a claim is about, where it names any."""
-    named = [claim.stated.get("tracker"), *claim.stated.get("trackers", ()), *claim.stated.get("ages", ())]
-    return [kind for kind in named if kind]
+    kinds = [claim.stated.get("tracker"), *claim.stated.get("trackers", ()), *claim.stated.get("ages", ())]
+    return [kind for kind in kinds if kind]
 
 
 READINGS: Mapping[Reading, str] = {
@@ -567,13 +569,13 @@ class Judged:
     @property
     def reasons(self) -> str:
         """Reasons of the verdicts, each once, with the readings that it is about unless it is about all."""
-        found: dict[str, list[str]] = {}
+        by_reason: dict[str, list[str]] = {}
         for reading, judgement in self.judgements.items():
             if judgement.reason:
-                found.setdefault(judgement.reason, []).append(reading)
-        whole = len(self.judgements)
+                by_reason.setdefault(judgement.reason, []).append(reading)
+        n_readings = len(self.judgements)
         return "; ".join(
-            reason if len(names) == whole else f"{listing(names)}: {reason}" for reason, names in found.items()
+            reason if len(names) == n_readings else f"{listing(names)}: {reason}" for reason, names in by_reason.items()
         )
 
 
@@ -584,8 +586,8 @@ def judged(claims: Iterable[Claim], runs: Runs) -> list[Judged]:
 
 def tally(items: Sequence[Judged], reading: Reading) -> dict[Agreement, int]:
     """How many claims have each verdict under a reading."""
-    found = [item.judgements[reading].agreement for item in items]
-    return {agreement: found.count(agreement) for agreement in Agreement}
+    agreements = [item.judgements[reading].agreement for item in items]
+    return {agreement: agreements.count(agreement) for agreement in Agreement}
 
 
 def tallies(items: Sequence[Judged], caption: str) -> Cells:
@@ -617,7 +619,10 @@ def table(items: Sequence[Judged], caption: str) -> Cells:
 
 
 def _claim_row(item: Judged) -> list[str]:
-    pairs = [(one.agreement, one.value or DASH) for one in (item.judgements[reading] for reading in Reading)]
+    pairs = [
+        (judgement.agreement, judgement.value or DASH)
+        for judgement in (item.judgements[reading] for reading in Reading)
+    ]
     reasons = "; ".join(filter(None, [item.reasons, item.claim.note])) or DASH
     return [item.claim.text, item.claim.source, *(text for pair in pairs for text in pair), reasons]
 
@@ -629,7 +634,7 @@ def to_csv(items: Sequence[Judged]) -> str:
     writer.writerow(["experiment", "claim", "text", "source", "reading", "verdict", "measured", "reason", "note"])
     for item in items:
         claim = item.claim
-        for reading, one in item.judgements.items():
-            told = [reading, one.agreement, one.value, one.reason, claim.note]
+        for reading, judgement in item.judgements.items():
+            told = [reading, judgement.agreement, judgement.value, judgement.reason, claim.note]
             writer.writerow([claim.experiment, claim.id, claim.text, claim.source, *told])
     return buffer.getvalue()

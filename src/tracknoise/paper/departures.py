@@ -44,8 +44,8 @@ def _section(item: Mapping[str, str]) -> str:
 def main() -> None:
     """Replace the differences in a page, whose path is the argument."""
     page = Path(sys.argv[1])
-    written = page.read_text(encoding="utf-8").partition(START)[0]
-    page.write_text(written + START + markdown(), encoding="utf-8")
+    opening = page.read_text(encoding="utf-8").partition(START)[0]
+    page.write_text(opening + START + markdown(), encoding="utf-8")
 
 
 if __name__ == "__main__":
@@ -125,9 +125,11 @@ def _by_curves(name: str, parts: Sequence[Part]) -> Cells:
     shown = [(trimming, role) for trimming in (_TRIMMINGS if name != "trimming" else (None,)) for role in roles]
     rows = []
     for part in parts:
-        found = {trimming: _differences(part.data, choose, trimming) for trimming, _ in shown}
+        differences = {trimming: _differences(part.data, choose, trimming) for trimming, _ in shown}
         for tracker in part.data.trackers:
-            cells = [_difference(found[trimming].filter(tracker=tracker, role=role), role) for trimming, role in shown]
+            cells = [
+                _difference(differences[trimming].filter(tracker=tracker, role=role), role) for trimming, role in shown
+            ]
             if name == "weighting" and _is_one_scene(part.data, tracker):
                 cells = [(DASH, "one scene")] * len(shown)
             rows.append([part.title, tracker, *(text for pair in cells for text in pair)])
@@ -160,10 +162,10 @@ def _differences(
     )
 
 
-def _difference(found: pl.DataFrame, role: str) -> tuple[str, str]:
-    if found.is_empty():
+def _difference(differences: pl.DataFrame, role: str) -> tuple[str, str]:
+    if differences.is_empty():
         return DASH, DASH
-    row = found.row(0, named=True)
+    row = differences.row(0, named=True)
     return f"{number(row['difference'])} {'px²' if role == 'second' else 'px'}", effect_text(row["effect"])
 
 

@@ -67,21 +67,21 @@ def _read(path: Path, names: list[str]) -> dict[str, Variable]:
     from scipy.io import loadmat, whosmat
 
     try:
-        held = [entry for entry in whosmat(str(path), appendmat=False) if entry[0] in names]
+        entries = [entry for entry in whosmat(str(path), appendmat=False) if entry[0] in names]
     except NotImplementedError as error:
         raise DataError(path, "a MATLAB 7.3 file", "an earlier version (in MATLAB: save with -v7)") from error
-    found: dict[str, Variable] = {name: None for name, _, _ in held}
-    numeric = found.keys() - {name for name, _, kind in held if kind not in _NUMERIC}
-    for name, shape, _ in held:
+    variables: dict[str, Variable] = {name: None for name, _, _ in entries}
+    numeric = variables.keys() - {name for name, _, kind in entries if kind not in _NUMERIC}
+    for name, shape, _ in entries:
         if name in numeric and not 0 <= 8 * math.prod(shape) <= _MAX_ARRAY_BYTES:
             raise ValueError(f"{name} is too large")
-    read = loadmat(str(path), appendmat=False, variable_names=sorted(numeric)) if numeric else {}
+    loaded = loadmat(str(path), appendmat=False, variable_names=sorted(numeric)) if numeric else {}
     for name in numeric:
-        value = read[name]
+        value = loaded[name]
         if not isinstance(value, np.ndarray):
             raise ValueError(f"{name} is damaged")
-        found[name] = value if value.dtype.kind in "fiu" else None
-    return found
+        variables[name] = value if value.dtype.kind in "fiu" else None
+    return variables
 
 
 def numbers(
@@ -257,22 +257,22 @@ def release_of(folder: Path) -> Release:
 
 def image_files(folder: Path, release: Release) -> dict[tuple[int, int], Path]:
     """The images of arc 1 that a scene needs, by position and number."""
-    found: dict[tuple[int, int], Path] = {}
+    files: dict[tuple[int, int], Path] = {}
     for path in sorted(folder.iterdir()):
         if match := release.pattern.fullmatch(path.name):
             key = int(match[1]), int(match[2])
-            if key in found:
-                raise DataError(path, f"the number of {found[key].name} again", "one file for each image")
-            found[key] = path
+            if key in files:
+                raise DataError(path, f"the number of {files[key].name} again", "one file for each image")
+            files[key] = path
     needed = [(position, number) for position in POSITIONS for number in release.numbers]
     for position, number in needed:
-        if (position, number) not in found:
+        if (position, number) not in files:
             name = release.image.format(position=position, number=number)
-            suffix = next(iter(found.values())).suffix
+            suffix = next(iter(files.values())).suffix
             expected = f"{len(release.numbers)} images (numbers {release.numbers[0]:02d} to {release.numbers[-1]:02d})"
             expected += f" of each of positions {POSITIONS[0]} to {POSITIONS[-1]}"
             raise DataError(folder / f"{name}{suffix}", "missing image", expected)
-    return {key: found[key] for key in needed}
+    return {key: files[key] for key in needed}
 
 
 def scan_name(scene: Path) -> str:
@@ -386,8 +386,8 @@ def read_scan(path: Path) -> tuple[Scan, tuple[str, ...]]:
     if not finite.any():
         raise DataError(path, "a scan without points", f"columns of x, y, z in {' and '.join(_PARTS)}")
     broken = len(points) - int(np.count_nonzero(finite))
-    said = ("is not finite and is ignored", "are not finite and are ignored")
-    ignored = counted_of(broken, len(points), "scan point", *said)
+    predicates = ("is not finite and is ignored", "are not finite and are ignored")
+    ignored = counted_of(broken, len(points), "scan point", *predicates)
     notes = (f"{path.name}: {ignored}",) if broken else ()
     return Scan(points[finite], POSITIONS.index(KEY_POSITION)), notes
 

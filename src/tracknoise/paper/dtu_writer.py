@@ -53,13 +53,13 @@ def write_dtu(
     with new_folder(out) as unfinished:
         (unfinished / SCANS).mkdir()
         for scene in range(1, scenes + 1):
-            here, folder = stage(scene), unfinished / f"SET{scene:03d}"
+            scene_stage, folder = stage(scene), unfinished / f"SET{scene:03d}"
             folder.mkdir()
             if scene == 1:
-                _write_shared(here, unfinished)
-            _write_scan(here, unfinished / SCANS / scan_name(folder))
+                _write_shared(scene_stage, unfinished)
+            _write_scan(scene_stage, unfinished / SCANS / scan_name(folder))
             for frame in range(len(POSITIONS)):
-                _write_images(here, frame, folder, image_format)
+                _write_images(scene_stage, frame, folder, image_format)
                 if progress is not None:
                     progress((scene - 1) * len(POSITIONS) + frame + 1, scenes * len(POSITIONS))
 

@@ -58,20 +58,20 @@ def write_figures(
 
 
 def _drawn(folder: Path, place: str, runs: Mapping[Reading, ReportData]) -> list[Beside]:
-    found: dict[str, dict[Reading, str]] = {}
+    by_figure: dict[str, dict[Reading, str]] = {}
     titles: dict[str, str] = {}
     for reading, data in runs.items():
         for figure in _figures(data):
             file = f"{place}/{figure.id}-{reading}.svg"
             write_atomically(folder / file, figure_files.render(figure_files.specification(figure), ("svg",))["svg"])
-            found.setdefault(figure.id, {})[reading] = file
+            by_figure.setdefault(figure.id, {})[reading] = file
             titles[figure.id] = figure.title.removesuffix(_TRIMMING_IN_TITLE[reading])
-    return [Beside(titles[name], files) for name, files in found.items()]
+    return [Beside(titles[name], files) for name, files in by_figure.items()]
 
 
 def _figures(data: ReportData) -> list[Figure]:
-    made = [item for family in FAMILIES if family.id in _FAMILIES for item in family.figures(data)]
-    return [item for item in made if isinstance(item, Figure) and not item.id.endswith(_OTHER_TRIMMING)]
+    figures = [item for family in FAMILIES if family.id in _FAMILIES for item in family.figures(data)]
+    return [item for item in figures if isinstance(item, Figure) and not item.id.endswith(_OTHER_TRIMMING)]
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,8 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
 
 
 def _by_reading(replicated: Sequence[Replicated]) -> claim_verdicts.Runs:
-    read = [(reading, item.experiment, data) for item in replicated for reading, data in item.data.items()]
-    return {reading: {name: data for one, name, data in read if one is reading} for reading in Reading}
+    runs = [(reading, item.experiment, data) for item in replicated for reading, data in item.data.items()]
+    return {reading: {name: data for run_reading, name, data in runs if run_reading is reading} for reading in Reading}
 
 
 def _claims(stated: Sequence[Judged], of_tables: Sequence[Judged]) -> Mapping[str, Any]:
@@ -163,7 +163,7 @@ def _chapter(item: Replicated, part: Part | None, folder: Path, items: Sequence[
     if part is None or item.run is None:
         return {**chapter, "part": None, "tally": {}}
     table = part.data.comparison
-    stated, of_tables = ([one for one in some if one.claim.experiment == item.experiment] for some in items)
+    stated, of_tables = ([judged for judged in group if judged.claim.experiment == item.experiment] for group in items)
     return {
         **chapter,
         "claims": claim_verdicts.table(stated, "Claims of abstract, text and captions"),

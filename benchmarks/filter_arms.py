@@ -117,10 +117,10 @@ def tracks_rule(model: NoiseModel, level: float, predicted: float | None = 0.0) 
 
 
 def _features_rule(model: NoiseModel, level: float, predicted: float | None) -> GateRule:
-    """The gate that a share of good observations of features passes at true poses."""
+    """The gate that a share of good observations of features passes at true poses; at most 1, as exported."""
     state = estimator("openvins").advise(model, window=CLONES).state
     assert state is not None
     residuals = model.equivalent(landmark=Landmark.FREE, window=state.window, purpose=Purpose.INNOVATIONS).sigma.value
     at_share = observation_gate(model, residuals, state.sigma.value, level)
     measured = (at_share - POSE_SHARE) / (1.0 - POSE_SHARE)
-    return GateRule(measured, predicted, chi_square(level, 2) / chi_square(LEVEL, 2))
+    return GateRule(min(measured, 1.0), predicted, chi_square(level, 2) / chi_square(LEVEL, 2))

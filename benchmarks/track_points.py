@@ -38,37 +38,39 @@ def seen_from(poses: NDArray[np.float64], points: NDArray[np.float64]) -> NDArra
     return np.asarray(np.einsum("tnji,tnj->tni", poses[:, :, :3, :3], points[:, None] - poses[:, :, :3, 3]))
 
 
-def linearised(
+def residuals(
     camera: Camera,
     poses: NDArray[np.float64],
     points: NDArray[np.float64],
     uv: NDArray[np.float64],
     there: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Residuals (tracks, 2 n), derivatives by poses (tracks, n, 2, 6) and by the point (tracks, 2 n, 3).
+) -> NDArray[np.float64]:
+    """(tracks, 2 n): observed less predicted positions, px; 0 where there is no observation.
 
-    Shapes: poses (tracks, n, 4, 4), points (tracks, 3), uv (tracks, n, 2), there (tracks, n): all are 0 elsewhere.
+    Shapes: poses (tracks, n, 4, 4), points (tracks, 3), uv (tracks, n, 2), there (tracks, n).
     """
+    slope = _slopes(seen_from(poses, points))
+    images = np.array([camera.fx, camera.fy]) * slope + (camera.cx, camera.cy)
+    return np.asarray(np.where(there[:, :, None], uv - images, 0.0).reshape(len(points), 2 * there.shape[1]))
+
+
+def derivatives(
+    camera: Camera, poses: NDArray[np.float64], points: NDArray[np.float64], there: NDArray[np.bool_]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of predictions, by poses (tracks, n, 2, 6) and by the point (tracks, 2 n, 3); shapes as in `residuals`."""
     count, length = poses.shape[:2]
-    weight = there[:, :, None, None].astype(np.float64)
     seen = seen_from(poses, points)
-    images, projected = _imaged(camera, seen)
-    projected *= weight
+    focal = np.where(there[:, :, None], (camera.fx, camera.fy), 0.0) / seen[:, :, 2:]
+    projected = np.zeros((count, length, 2, 3))
+    projected[:, :, (0, 1), (0, 1)] = focal
+    projected[:, :, :, 2] = -focal * _slopes(seen)
     by_point = projected @ np.swapaxes(poses[:, :, :3, :3], 2, 3)
     turned = projected @ cross_matrices(seen.reshape(-1, 3)).reshape(count, length, 3, 3)
-    by_pose = np.concatenate([turned, -by_point], axis=3)
-    residual = weight[:, :, 0] * (uv - images)
-    return residual.reshape(count, 2 * length), by_pose, by_point.reshape(count, 2 * length, 3)
+    return np.concatenate([turned, -by_point], axis=3), by_point.reshape(count, 2 * length, 3)
 
 
-def _imaged(camera: Camera, seen: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Images (tracks, n, 2) of points in the frame of the camera (tracks, n, 3), and derivatives (tracks, n, 2, 3)."""
-    focal, centre = np.array([camera.fx, camera.fy]), (camera.cx, camera.cy)
-    slope = seen[:, :, :2] / seen[:, :, 2:]
-    derivative = np.zeros((*seen.shape[:2], 2, 3))
-    derivative[:, :, (0, 1), (0, 1)] = focal / seen[:, :, 2:]
-    derivative[:, :, :, 2] = -focal * slope / seen[:, :, 2:]
-    return focal * slope + centre, derivative
+def _slopes(seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(seen[:, :, :2] / seen[:, :, 2:])
 
 
 def triangulated(
@@ -92,8 +94,8 @@ def triangulated(
         usable &= within(seen_from(poses, points))
         points[~usable] = (first[:, :3, 3] + first[:, :3, 2])[~usable]
         values, by_inverse = to_inverse(first, points)
-        residual, _, by_point = linearised(camera, poses, points, tracks.uv, there)
-        derivative = by_point @ by_inverse
+        residual = residuals(camera, poses, points, tracks.uv, there)
+        derivative = derivatives(camera, poses, points, there)[1] @ by_inverse
         derivative[~usable], residual[~usable] = np.eye(2 * length, 3), 0.0
         transposed = np.swapaxes(derivative, 1, 2)
         moved = values + np.linalg.solve(transposed @ derivative, transposed @ residual[:, :, None])[:, :, 0]

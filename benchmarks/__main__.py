@@ -17,8 +17,18 @@ from benchmarks.harness import ONE_THREAD, Row
 
 _TOOLS = {
     *("__main__", "harness", "made_up", "program", "same_tables"),
-    *("gtsam_judge", "msckf", "planted_windows"),
-    *("filter_trial", "gazebo_truth", "linear_table", "paper_claims", "proof", "proof_halves", "proof_resampled"),
+    *("gtsam_judge", "inertial_problem", "msckf", "planted_windows", "track_points"),
+    *(
+        "filter_arms",
+        "filter_tracks",
+        "filter_trial",
+        "gazebo_truth",
+        "linear_table",
+        "paper_claims",
+        "proof",
+        "proof_halves",
+        "proof_resampled",
+    ),
     *("window_sigmas", "window_table"),
 }
 """Modules that measure no time and no memory."""

@@ -172,14 +172,14 @@ def interval(
         raise SettingsError(f"level is {level}, expected more than 0 and less than 1")
     value = np.asarray(estimate, dtype=np.float64)
     ordered = np.sort(np.moveaxis(replicates, 0, -1), axis=-1)  # NaN last
-    known = np.count_nonzero(~np.isnan(ordered), axis=-1)
+    count = np.count_nonzero(~np.isnan(ordered), axis=-1)
     n = np.broadcast_to(np.asarray(n_units), value.shape)
-    usable = (known > 0) & (n > 1) & ~np.isnan(value)
+    usable = (count > 0) & (n > 1) & ~np.isnan(value)
     tail = _expanded(np.where(usable, n, 2), level)
     corrected = kind == IntervalKind.bca
-    bias = _median_bias(value, ordered, known) if corrected else np.zeros_like(value)
+    bias = _median_bias(value, ordered, count) if corrected else np.zeros_like(value)
     growth = np.broadcast_to(np.asarray(acceleration if corrected else 0.0, dtype=np.float64), value.shape)
-    low, high = (_quantile(ordered, known, _share(z, bias, growth)) for z in (-tail, tail))
+    low, high = (_quantile(ordered, count, _share(z, bias, growth)) for z in (-tail, tail))
     return np.where(usable, low, np.nan), np.where(usable, high, np.nan)
 
 
@@ -198,24 +198,24 @@ def _share(z: NDArray[np.float64], bias: NDArray[np.float64], acceleration: NDAr
 
 
 def _median_bias(
-    value: NDArray[np.float64], ordered: NDArray[np.float64], known: NDArray[np.intp]
+    value: NDArray[np.float64], ordered: NDArray[np.float64], count: NDArray[np.intp]
 ) -> NDArray[np.float64]:
     """z0: the Gaussian quantile of the share of draws below the estimate, those that equal it counting half."""
-    last = np.take_along_axis(ordered, np.maximum(known - 1, 0)[..., None], axis=-1)[..., 0]
+    last = np.take_along_axis(ordered, np.maximum(count - 1, 0)[..., None], axis=-1)[..., 0]
     rounding = _SAME * np.maximum(np.abs(ordered[..., 0]), np.abs(last))
     below = np.count_nonzero(ordered < (value - rounding)[..., None], axis=-1)
     above = np.count_nonzero(ordered > (value + rounding)[..., None], axis=-1)
-    counted = np.maximum(known, 1)
-    share = (below + 0.5 * (known - below - above)) / counted
+    counted = np.maximum(count, 1)
+    share = (below + 0.5 * (count - below - above)) / counted
     bias: NDArray[np.float64] = special.ndtri(np.clip(share, 0.5 / counted, 1 - 0.5 / counted))
-    return np.where(known > 0, bias, 0.0)
+    return np.where(count > 0, bias, 0.0)
 
 
-def _quantile(ordered: NDArray[np.float64], known: NDArray[np.intp], share: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quantile of the first `known` values of the last axis, which are sorted; value i of m is that of i / (m + 1)."""
-    place = np.clip(share * (known + 1) - 1, 0, np.maximum(known - 1, 0))
+def _quantile(ordered: NDArray[np.float64], count: NDArray[np.intp], share: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Quantile of the first `count` values of the last axis, which are sorted; value i of m is that of i / (m + 1)."""
+    place = np.clip(share * (count + 1) - 1, 0, np.maximum(count - 1, 0))
     left = np.floor(place).astype(np.intp)
-    right = np.minimum(left + 1, np.maximum(known - 1, 0))
+    right = np.minimum(left + 1, np.maximum(count - 1, 0))
     low, high = (np.take_along_axis(ordered, index[..., None], axis=-1)[..., 0] for index in (left, right))
     return low + (place - left) * (high - low)
 

@@ -78,13 +78,13 @@ def coverage_outside(
     skewed = scale in ("log", "logit")
     beyond = (spread > MOST_SPREAD) & skewed
     outside = (n_units >= MIN_SCENES) & ~np.isnan(spread) & (beyond | (n_effective < MIN_SCENES))
-    found = np.full(n_units.shape, np.nan)
+    coverage = np.full(n_units.shape, np.nan)
     for place in np.flatnonzero(outside):
         n = rounded_count(float(n_units[place]), least=MIN_SCENES)
         effective = min(rounded_count(float(n_effective[place]), least=1), n)
         between = round(float(spread[place]) / _STEP) * _STEP if skewed else 1.0
-        found[place] = _covered(n, between, effective, level, skewed=skewed)
-    return found
+        coverage[place] = _covered(n, between, effective, level, skewed=skewed)
+    return coverage
 
 
 def coverage_of_heavy_scales(
@@ -108,17 +108,17 @@ def coverage_of_heavy_scales(
     (points,) float64
         NaN where the tail is excluded, or costs no more than `TOLERATED`.
     """
-    there = ~np.isnan(own)
-    count = there.sum(axis=1)
-    enough = (np.minimum(n_units, count) >= MIN_SCENES) & ((own > 0) | ~there).all(axis=1)
-    spread, skewness = _spread_and_skewness(np.log(np.where(there & (own > 0), own, 1.0)) / power, there)
+    has_value = ~np.isnan(own)
+    count = has_value.sum(axis=1)
+    enough = (np.minimum(n_units, count) >= MIN_SCENES) & ((own > 0) | ~has_value).all(axis=1)
+    spread, skewness = _spread_and_skewness(np.log(np.where(has_value & (own > 0), own, 1.0)) / power, has_value)
     asked = np.where(enough, np.round(spread / _STEP), 0.0).astype(np.intp)
-    found = np.full(len(own), np.nan)
+    coverage = np.full(len(own), np.nan)
     for n, steps in np.unique(np.stack([n_units, asked])[:, asked > 0], axis=1).T.tolist():
         held, least_skewed = _covered_if_heavy(rounded_count(n, least=MIN_SCENES), steps * _STEP, power, level)
         chosen = (n_units == n) & (asked == steps) & (skewness >= least_skewed)
-        found[chosen] = held
-    return np.where(found < level - TOLERATED, found, np.nan)
+        coverage[chosen] = held
+    return np.where(coverage < level - TOLERATED, coverage, np.nan)
 
 
 @lru_cache(maxsize=4096)
@@ -130,8 +130,8 @@ def _covered_if_heavy(n: int, spread: float, power: float, level: float) -> tupl
     logs = np.log(half) - np.log(rng.gamma(half, size=(n, RUNS))) + np.sqrt(rest) * rng.normal(size=(n, RUNS))
     true = half**power * np.exp(special.gammaln(half - power) - special.gammaln(half) + power**2 * rest / 2)
     sizes = np.ones((n, 1))
-    found = [_intervals(np.exp(power * logs[:, part]), sizes, "log", level) for part in parts_of_runs(n)]
-    low, high = np.concatenate(found, axis=1)
+    intervals = [_intervals(np.exp(power * logs[:, part]), sizes, "log", level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(intervals, axis=1)
     held = float(((low <= true) & ~(high < true)).mean())
     skewness = _spread_and_skewness(logs.T, np.ones(logs.T.shape, dtype=np.bool_))[1]
     return held, float(np.quantile(skewness, EXCLUDED))
@@ -147,11 +147,11 @@ def _half_freedom(spread: float) -> float:
 
 
 def _spread_and_skewness(
-    logs: NDArray[np.float64], there: NDArray[np.bool_]
+    logs: NDArray[np.float64], has_value: NDArray[np.bool_]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Standard deviation and skewness between the scenes that are there, (points,). Shapes: (points, scenes)."""
-    count = np.maximum(there.sum(axis=1), 1)
-    apart = np.where(there, logs - (np.where(there, logs, 0.0).sum(axis=1) / count)[:, None], 0.0)
+    count = np.maximum(has_value.sum(axis=1), 1)
+    apart = np.where(has_value, logs - (np.where(has_value, logs, 0.0).sum(axis=1) / count)[:, None], 0.0)
     second, third = ((apart**order).sum(axis=1) / count for order in (2, 3))
     skewness = np.where(second > 0, third, 0.0) / np.where(second > 0, second, 1.0) ** 1.5
     return np.sqrt(second * count / np.maximum(count - 1, 1)), skewness
@@ -175,13 +175,13 @@ def coverage_of_heavy_errors(
         Of means and of geometric means over scenes; NaN where tails are light or cost no more than `TOLERATED`.
     """
     ratio, kinds, of_kind = _ratios(second, absolute, n)
-    found = np.full((2, len(second)), np.nan)
+    coverage = np.full((2, len(second)), np.nan)
     for kind, (scenes, errors) in enumerate(kinds):
         tails = np.array([_tailed(scenes, errors, freedom, level) for freedom in TAILS])
         chosen = (of_kind == kind) & (ratio > _tailed(scenes, errors, LIGHT, level)[2])
         nearest = np.abs(ratio[chosen, None] - tails[:, 2]).argmin(axis=1)
-        found[:, chosen] = tails[nearest, :2].T
-    pooled, typical = np.where(found < level - TOLERATED, found, np.nan)
+        coverage[:, chosen] = tails[nearest, :2].T
+    pooled, typical = np.where(coverage < level - TOLERATED, coverage, np.nan)
     return pooled, typical
 
 
@@ -198,10 +198,10 @@ def _ratios(
     second: NDArray[np.float64], absolute: NDArray[np.float64], n: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], list[tuple[int, int]], NDArray[np.intp]]:
     """Mean ratios (points,), the numbers of scenes and errors to simulate, and which of these each point has; or -1."""
-    there = (n > 1) & (absolute > 0)
-    count = there.sum(axis=1)
-    ratio = np.where(there, second / np.where(there, absolute, 1.0) ** 2, 0.0).sum(axis=1) / np.maximum(count, 1)
-    usual = np.exp(np.where(there, np.log(np.maximum(n, 1.0)), 0.0).sum(axis=1) / np.maximum(count, 1))
+    usable = (n > 1) & (absolute > 0)
+    count = usable.sum(axis=1)
+    ratio = np.where(usable, second / np.where(usable, absolute, 1.0) ** 2, 0.0).sum(axis=1) / np.maximum(count, 1)
+    usual = np.exp(np.where(usable, np.log(np.maximum(n, 1.0)), 0.0).sum(axis=1) / np.maximum(count, 1))
     size = np.abs(np.log(usual[:, None] / np.array(_ERRORS))).argmin(axis=1)
     of_kind = np.full(len(second), -1, dtype=np.intp)
     kinds: list[tuple[int, int]] = []
@@ -246,8 +246,8 @@ def _covered(n: int, spread: float, effective: int, level: float, *, skewed: boo
     logs = spread * np.random.default_rng(n).normal(size=(n, RUNS))
     values, true = (np.exp(logs), np.exp(spread**2 / 2)) if skewed else (logs, 0.0)
     sizes, scale = _sizes(n, effective)[:, None], "log" if skewed else "linear"
-    found = [_intervals(values[:, part], sizes, scale, level) for part in parts_of_runs(n)]
-    low, high = np.concatenate(found, axis=1)
+    intervals = [_intervals(values[:, part], sizes, scale, level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(intervals, axis=1)
     return float(((low <= true) & ~(high < true)).mean())
 
 

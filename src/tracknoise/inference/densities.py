@@ -283,12 +283,12 @@ def fit_mixture(points: Array) -> Mixture:
     total = points.sum(axis=2)
     fit = _first(total)
     for _ in range(_CYCLES):
-        one = _Expected.under(fit, points).next(points, total)
-        at_one = _Expected.under(one, points)
-        two = at_one.next(points, total)
-        at_far = _Expected.under(_extrapolated(fit, one, two), points)
-        better = at_far.log_likelihood(points, total) >= at_one.log_likelihood(points, total)
-        fit = _chosen(better, at_far.next(points, total), two)
+        first_step = _Expected.under(fit, points).next(points, total)
+        at_first = _Expected.under(first_step, points)
+        second_step = at_first.next(points, total)
+        at_far = _Expected.under(_extrapolated(fit, first_step, second_step), points)
+        better = at_far.log_likelihood(points, total) >= at_first.log_likelihood(points, total)
+        fit = _chosen(better, at_far.next(points, total), second_step)
     return fit
 
 
@@ -332,9 +332,9 @@ class _Expected:
         return np.asarray(if_wide + beyond + n * log_normaliser(fit.scatter)[:, 0])
 
 
-def _extrapolated(fit: Mixture, one: Mixture, two: Mixture) -> Mixture:
+def _extrapolated(fit: Mixture, first_step: Mixture, second_step: Mixture) -> Mixture:
     """(squarem); at least as far as the two steps went, and no farther where there is no direction."""
-    x, x1, x2 = (_free(each) for each in (fit, one, two))
+    x, x1, x2 = (_free(mixture) for mixture in (fit, first_step, second_step))
     r, v = x1 - x, x2 - 2 * x1 + x
     length = np.sqrt(np.square(r).sum(axis=0) / np.maximum(np.square(v).sum(axis=0), _LEAST))
     a = -np.maximum(length, 1.0)
@@ -381,11 +381,11 @@ def _about(sums: Array, mean: Array) -> Array:
     """Second moments about a mean, summed: uu, uv, vv."""
     u, v = mean.T
     n, of_u, of_v, uu, uv, vv = sums.T
-    found = np.empty((len(mean), 3))
-    found[:, 0] = uu - 2 * u * of_u + n * u * u
-    found[:, 1] = uv - u * of_v - v * of_u + n * u * v
-    found[:, 2] = vv - 2 * v * of_v + n * v * v
-    return found
+    moments = np.empty((len(mean), 3))
+    moments[:, 0] = uu - 2 * u * of_u + n * u * u
+    moments[:, 1] = uv - u * of_v - v * of_u + n * u * v
+    moments[:, 2] = vv - 2 * v * of_v + n * v * v
+    return moments
 
 
 @dataclass(frozen=True, slots=True)

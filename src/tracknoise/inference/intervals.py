@@ -163,8 +163,8 @@ def pooled_by(
         As in `pooled`, or one name for all.
     """
     sample = Sample.of(units.sums, weights, statistics, units.joined(units.sums))
-    each = [scales] * len(sample.whole) if isinstance(scales, str) else scales
-    return [_bounded(sample, units, sizes, method, each) for method in methods]
+    scale_names = [scales] * len(sample.whole) if isinstance(scales, str) else scales
+    return [_bounded(sample, units, sizes, method, scale_names) for method in methods]
 
 
 def averaged(
@@ -187,8 +187,8 @@ def averaged(
     """
     if units.resampled == Resampled.blocks:
         return _bounded(_mean_of_scenes(units, weights, statistics), units, sizes, method, scales)
-    own = _own(units, statistics)
-    sums, defined = np.transpose(own, (2, 1, 0)), own[len(own) // 2 :]
+    own_values = _own(units, statistics)
+    sums, defined = np.transpose(own_values, (2, 1, 0)), own_values[len(own_values) // 2 :]
     return _bounded(Sample.of(sums, weights, _mean, units.joined(sums)), units, defined, method, scales)
 
 
@@ -213,20 +213,20 @@ def geometric(
     sizes
         As in `averaged`.
     """
-    own = logarithms(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
-    zeros = np.isneginf(own)
-    is_zero, are_zero = zeros.any(axis=-1), (zeros | np.isnan(own)).all(axis=-1)
-    found = averaged(units, weights, lambda sums: _finite(logarithms(sums)), method, sizes=sizes)
+    own_logs = logarithms(np.transpose(by_number(units.scene, units.sums), (2, 1, 0)))
+    zeros = np.isneginf(own_logs)
+    is_zero, are_zero = zeros.any(axis=-1), (zeros | np.isnan(own_logs)).all(axis=-1)
+    estimate = averaged(units, weights, lambda sums: _finite(logarithms(sums)), method, sizes=sizes)
     held = units.sums[..., 0].T if sizes is None else sizes
-    known = held > 0 if units.resampled == Resampled.blocks else ~np.isnan(own)
-    enough, counts = _resampled(units, known) > 1, units.contributing(known)
-    value, *bounds = (np.exp(array) for array in (found.value, found.low, found.high))
+    has_value = held > 0 if units.resampled == Resampled.blocks else ~np.isnan(own_logs)
+    enough, counts = _resampled(units, has_value) > 1, units.contributing(has_value)
+    value, *bounds = (np.exp(array) for array in (estimate.value, estimate.low, estimate.high))
     low, high = (np.where(is_zero, np.where(are_zero & enough, 0.0, np.nan), bound) for bound in bounds)
     n_units, n_scenes = (
-        np.where(is_zero, n, other) for n, other in zip(counts, (found.n_units, found.n_scenes), strict=True)
+        np.where(is_zero, n, finite) for n, finite in zip(counts, (estimate.n_units, estimate.n_scenes), strict=True)
     )
     value = np.where(is_zero, 0.0, value)
-    return replace(found, value=value, low=low, high=high, n_units=n_units, n_scenes=n_scenes)
+    return replace(estimate, value=value, low=low, high=high, n_units=n_units, n_scenes=n_scenes)
 
 
 def column_means(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -240,9 +240,9 @@ def _finite(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _own(units: Units, statistics: Statistics) -> NDArray[np.float64]:
     """Each unit's own statistics, 0 where undefined, and whether they are defined, (2 statistics, points, units)."""
-    own = statistics(np.transpose(units.sums, (2, 1, 0)))
-    defined = ~np.isnan(own)
-    return np.concatenate([np.where(defined, own, 0.0), defined])
+    own_values = statistics(np.transpose(units.sums, (2, 1, 0)))
+    defined = ~np.isnan(own_values)
+    return np.concatenate([np.where(defined, own_values, 0.0), defined])
 
 
 def _mean(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -263,8 +263,8 @@ def _mean_of_scenes(units: Units, weights: NDArray[np.float64], statistics: Stat
 def _mean_of(values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Mean of those that are defined."""
     defined = [~np.isnan(value) for value in values]
-    total = sum(np.where(known, value, 0.0) for known, value in zip(defined, values, strict=True))
-    count = sum(known.astype(np.float64) for known in defined)
+    total = sum(np.where(is_defined, value, 0.0) for is_defined, value in zip(defined, values, strict=True))
+    count = sum(is_defined.astype(np.float64) for is_defined in defined)
     return np.asarray(total / np.where(count > 0, count, np.nan))
 
 

@@ -114,8 +114,8 @@ def shares_of(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def variance_of_sizes(sizes: NDArray[np.float64], groups: NDArray[np.intp]) -> NDArray[np.float64]:
     """Variance of the logarithms of sizes (units, ...) within their groups."""
-    there = sizes > 0
-    return variance_of_units(np.log(np.where(there, sizes, 1.0)), there.astype(np.float64), groups)[0]
+    present = sizes > 0
+    return variance_of_units(np.log(np.where(present, sizes, 1.0)), present.astype(np.float64), groups)[0]
 
 
 def _lognormal_parts(
@@ -149,11 +149,11 @@ def variance_of_units(
     for group in np.unique(number):
         q, y = counted[number == group], values[number == group]
         held = np.maximum(q.sum(axis=0), np.finfo(np.float64).tiny)
-        own = np.square(q).sum(axis=0)
+        sum_q2 = np.square(q).sum(axis=0)
         with np.errstate(invalid="ignore"):  # where a value is infinite, such as the logarithm of 0, there is none
             squares = squares + (q * np.square(y - (q * y).sum(axis=0) / held)).sum(axis=0)
-        lost, total = lost + own / held, total + q.sum(axis=0)
-        freedom = freedom + np.maximum(np.square(held) / np.where(own > 0, own, np.inf) - 1, 0.0)
+        lost, total = lost + sum_q2 / held, total + q.sum(axis=0)
+        freedom = freedom + np.maximum(np.square(held) / np.where(sum_q2 > 0, sum_q2, np.inf) - 1, 0.0)
     apart = total - lost
     return squares / np.where(apart > 1e-12 * total, apart, np.inf), np.maximum(freedom, 1.0)
 
@@ -161,8 +161,8 @@ def variance_of_units(
 def _alike(sizes: NDArray[np.float64]) -> NDArray[np.float64]:
     """How much each unit counts in a variance: alike, but for those smaller than the median of those that are there."""
     ordered = -np.sort(-sizes, axis=0)
-    there = np.maximum((sizes > 0).sum(axis=0), 1)
-    middle = [np.take_along_axis(ordered, place[None], axis=0)[0] for place in ((there - 1) // 2, there // 2)]
+    n_present = np.maximum((sizes > 0).sum(axis=0), 1)
+    middle = [np.take_along_axis(ordered, place[None], axis=0)[0] for place in ((n_present - 1) // 2, n_present // 2)]
     median = (middle[0] + middle[1]) / 2
     return np.asarray(np.minimum(sizes, median) / np.where(median > 0, median, 1.0))
 
@@ -251,9 +251,9 @@ def student_interval(
     inside = (value > to.low) & (value < to.high)
     safe = np.where(inside, value, 0.5)
     middle, slope = to.to(safe), to.slope(safe)
-    there = (jackknife > to.low) & (jackknife < to.high)
+    jackknife_inside = (jackknife > to.low) & (jackknife < to.high)
     linear = slope * (value - jackknife)
-    moved = np.where(there, middle - to.to(np.where(there, jackknife, 0.5)), linear)
+    moved = np.where(jackknife_inside, middle - to.to(np.where(jackknife_inside, jackknife, 0.5)), linear)
     held = np.ones((len(jackknife), *[1] * value.ndim)) if sizes is None else sizes
     if strata is not None:
         variance, freedom = _of_strata(moved, held > 0, np.maximum(n, 2), strata)
@@ -282,12 +282,12 @@ def _skewed(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Bounds by (skewed) on the scale, of values inside its limits, from those by (student)."""
     to, w, shares = SCALES[scale], shares_of(sizes), scale == "logit"
-    own = _own_values(value, jackknife, sizes, w, shares=shares)
+    own_values = _own_values(value, jackknife, sizes, w, shares=shares)
     bend, limit = (1 - 2 * value, -np.log(np.minimum(value, 1 - value))) if shares else (1.0, np.inf)
-    means = Means(to.to(own), sizes, np.asarray(bend), np.asarray(limit))
+    means = Means(to.to(own_values), sizes, np.asarray(bend), np.asarray(limit))
     middle = to.to(value)
     if groups is not None:
-        return interval_within(means, middle, w * to.slope(value) / to.slope(own), groups, level)
+        return interval_within(means, middle, w * to.slope(value) / to.slope(own_values), groups, level)
     low, high = lognormal_interval(means, level)
     rises = means.bend > 0
     low = np.where(rises, np.where(low < middle, low, student[0]), np.minimum(low, student[0]))
@@ -304,13 +304,13 @@ def _own_values(
     shares: bool,
 ) -> NDArray[np.float64]:
     """Values of the units, inside the limits of their scale: a value of 0 counts as half an event or as `LEAST`."""
-    own = (value - (1 - w) * np.where(np.isnan(jackknife), value, jackknife)) / np.where(w > 0, w, 1.0)
+    own_values = (value - (1 - w) * np.where(np.isnan(jackknife), value, jackknife)) / np.where(w > 0, w, 1.0)
     if shares:
         event = np.minimum(0.5 / np.maximum(sizes, 1.0), LEAST * np.minimum(value, 1 - value))
-        own = np.clip(own, event, 1 - event)
+        own_values = np.clip(own_values, event, 1 - event)
     else:
-        own = np.where(own > _SAME * value, own, LEAST * value)
-    return np.where(w > 0, own, value)
+        own_values = np.where(own_values > _SAME * value, own_values, LEAST * value)
+    return np.where(w > 0, own_values, value)
 
 
 def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
@@ -322,9 +322,9 @@ def centred(jackknife: NDArray[np.float64], strata: NDArray[np.intp] | None = No
     changes = np.empty_like(jackknife)
     for group in np.unique(groups):
         values = jackknife[groups == group]
-        there = ~np.isnan(values)
-        mean = np.where(there, values, 0.0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
-        changes[groups == group] = np.where(there, values - mean, 0.0)
+        has_value = ~np.isnan(values)
+        mean = np.where(has_value, values, 0.0).sum(axis=0) / np.maximum(has_value.sum(axis=0), 1)
+        changes[groups == group] = np.where(has_value, values - mean, 0.0)
     return changes
 
 
@@ -375,18 +375,18 @@ def _degrees(w: NDArray[np.float64], apart: NDArray[np.float64]) -> NDArray[np.f
     squares = np.square(w)
     d, square = squares / apart, squares.sum(axis=0)
     d0, (d1, d2) = d.sum(axis=0), (np.einsum("i...,i...->...", d, term) for term in (w, squares))
-    others = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
-    whole = others + np.einsum("i...,i...->...", np.square(d), 1 + 2 * (square - 2 * w))
-    found: NDArray[np.float64] = square**2 / np.where(whole > 0, whole, 1.0)
-    most = max(len(w) - 1.0, 1.0)
-    return np.clip(found, 1.0, most)  # rounding may lead out of it where one unit outweighs all others
+    cross = square**2 * d0**2 + 2 * d0 * d2 - 4 * square * d0 * d1 + 2 * d1**2
+    total = cross + np.einsum("i...,i...->...", np.square(d), 1 + 2 * (square - 2 * w))
+    degrees: NDArray[np.float64] = square**2 / np.where(total > 0, total, 1.0)
+    highest = max(len(w) - 1.0, 1.0)
+    return np.clip(degrees, 1.0, highest)  # rounding may lead out of it where one unit outweighs all others
 
 
 def _apart(w: NDArray[np.float64]) -> NDArray[np.float64]:
     """Variance of a unit's distance from the mean of weights w, in units of its own; 1 where it is all there is."""
     squares = np.square(w)
-    others: NDArray[np.float64] = squares.sum(axis=0) - squares
-    return np.where(w < 1, np.square(1 - w) + np.maximum(others, 0.0), 1.0)
+    of_others: NDArray[np.float64] = squares.sum(axis=0) - squares
+    return np.where(w < 1, np.square(1 - w) + np.maximum(of_others, 0.0), 1.0)
 
 
 def _of_sizes(moved: NDArray[np.float64], sizes: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
@@ -409,11 +409,11 @@ def _of_groups(
 
 
 def _of_strata(
-    moved: NDArray[np.float64], there: NDArray[np.bool_], n: NDArray[np.intp], strata: NDArray[np.intp]
+    moved: NDArray[np.float64], present: NDArray[np.bool_], n: NDArray[np.intp], strata: NDArray[np.intp]
 ) -> tuple[NDArray[np.float64], ...]:
-    """The same of units in strata of n units each, of which those with a unit `there` count."""
-    every = np.stack([there[strata == stratum].any(axis=0) for stratum in np.unique(strata)])
-    n_strata = np.maximum(every.sum(axis=0), 1)
+    """The same of units in strata of n units each, of which those with a unit `present` count."""
+    has_units = np.stack([present[strata == stratum].any(axis=0) for stratum in np.unique(strata)])
+    n_strata = np.maximum(has_units.sum(axis=0), 1)
     factor = (1 - 1 / (n_strata * n)) ** 2 * n / (n - 1)
     squares: NDArray[np.float64] = np.square(centred(moved, strata)).sum(axis=0)
     return np.asarray(factor * squares), np.asarray(n_strata * (n - 1.0))

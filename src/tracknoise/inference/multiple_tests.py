@@ -95,8 +95,8 @@ def in_families(adjust: Callable[[Values], NDArray[np.float64]], p: Values, fami
     """
     values = np.array(p, dtype=np.float64)
     names, number = np.unique(np.asarray(family), return_inverse=True)
-    for one in range(len(names)):
-        values[number == one] = adjust(values[number == one])
+    for index in range(len(names)):
+        values[number == index] = adjust(values[number == index])
     return values
 
 
@@ -115,7 +115,7 @@ def chosen_among(one: Estimate, choices: int, *, degrees: float) -> Estimate:
     if choices == 1 or one.value is None or one.low is None or one.high is None or one.level is None:
         return one
     level = 1 - (1 - one.level) / choices
-    before, after = (special.stdtrit(max(degrees, 1.0), (1 + each) / 2) for each in (one.level, level))
+    before, after = (special.stdtrit(max(degrees, 1.0), (1 + share) / 2) for share in (one.level, level))
     low, high = (one.value + float(after / before) * (end - one.value) for end in (one.low, one.high))
     return replace(one, low=low, high=high, level=level)
 

@@ -53,9 +53,9 @@ def next_scene(units: Units, own: NDArray[np.float64], scales: Sequence[str], *,
         rows = np.array([name == scale for name in scales])
         to = SCALES[scale]
         limited = ((own[rows] <= to.low) | (own[rows] >= to.high)).any(axis=-1)
-        known = ~np.isnan(own[rows])
-        y = np.where(known, to.to(np.where(known & ~limited[..., None], own[rows], 0.5)), 0.0)
-        middle, s, reach = _prediction(units, y, known, level)
+        is_known = ~np.isnan(own[rows])
+        y = np.where(is_known, to.to(np.where(is_known & ~limited[..., None], own[rows], 0.5)), 0.0)
+        middle, s, reach = _prediction(units, y, is_known, level)
         spread[rows] = np.where(limited, np.nan, s)
         with np.errstate(over="ignore"):
             low[rows], high[rows] = (np.where(limited, np.nan, to.back(middle + end)) for end in (-reach, reach))
@@ -63,15 +63,15 @@ def next_scene(units: Units, own: NDArray[np.float64], scales: Sequence[str], *,
 
 
 def _prediction(
-    units: Units, y: NDArray[np.float64], known: NDArray[np.bool_], level: float
+    units: Units, y: NDArray[np.float64], is_known: NDArray[np.bool_], level: float
 ) -> tuple[NDArray[np.float64], ...]:
     """Mean, spread, and how far (prediction) reaches from the mean; y is 0 where it is not known."""
-    n = known.sum(axis=-1)
+    n = is_known.sum(axis=-1)
     group = units.scene_group if units.resampled == Resampled.groups else np.arange(len(units.scenes))
-    in_group = np.moveaxis(by_number(group, np.moveaxis(known.astype(np.float64), -1, 0)), 0, -1)
+    in_group = np.moveaxis(by_number(group, np.moveaxis(is_known.astype(np.float64), -1, 0)), 0, -1)
     groups = (in_group > 0).sum(axis=-1)
     mean = y.sum(axis=-1) / np.maximum(n, 1)
-    squares = np.where(known, np.square(y - mean[..., None]), 0.0).sum(axis=-1)
+    squares = np.where(is_known, np.square(y - mean[..., None]), 0.0).sum(axis=-1)
     apart = n - np.square(in_group).sum(axis=-1) / np.maximum(n, 1)
     spread = np.sqrt(squares / np.where(apart > 0, apart, np.nan))
     enough = (groups >= MIN_SCENES) & (units.resampled not in (None, Resampled.blocks))

@@ -97,8 +97,8 @@ def differences(levels: NDArray[np.float64], measured: NDArray[np.bool_], *, log
     else:
         a, b = (np.take(zero, pairs[:, side], axis=1) for side in (0, 1))
         values = np.where(a & b, 0.0, _minus(np.where(zero, np.nan, levels), pairs))
-        there = np.take(~np.isnan(levels), pairs, axis=1).all(axis=2)
-        unlike = ((a != b) & there).any(axis=0)
+        defined = np.take(~np.isnan(levels), pairs, axis=1).all(axis=2)
+        unlike = ((a != b) & defined).any(axis=0)
     return Differences(values, pairs, at_both(measured), unlike, np.full(len(pairs), np.nan), none_scarce(pairs))
 
 
@@ -153,28 +153,28 @@ def average(values: NDArray[np.float64], group: NDArray[np.intp], resampled: Res
 
 def _between(units: NDArray[np.float64], n_scenes: NDArray[np.intp]) -> Averages:
     """Means of independent units."""
-    there = ~np.isnan(units)
-    n = there.sum(axis=0)
-    mean = np.where(there, units, 0.0).sum(axis=0) / np.maximum(n, 1)
-    parts = np.where(there, units - mean, 0.0) / np.sqrt(np.maximum(n * (n - 1), 1))
+    defined = ~np.isnan(units)
+    n = defined.sum(axis=0)
+    mean = np.where(defined, units, 0.0).sum(axis=0) / np.maximum(n, 1)
+    parts = np.where(defined, units - mean, 0.0) / np.sqrt(np.maximum(n * (n - 1), 1))
     return Averages(mean, np.linalg.norm(parts, axis=0), np.maximum(n - 1.0, 1.0), n, n_scenes, parts)
 
 
 def _group_means(values: NDArray[np.float64], group: NDArray[np.intp]) -> NDArray[np.float64]:
     """Means of the scenes of each group, (groups, points), NaN where none has a value."""
-    there = ~np.isnan(values)
+    defined = ~np.isnan(values)
     member = (group == np.arange(group.max(initial=-1) + 1)[:, None]).astype(np.float64)
-    count = member @ there
-    return np.asarray(member @ np.where(there, values, 0.0) / np.where(count > 0, count, np.nan), dtype=np.float64)
+    count = member @ defined
+    return np.asarray(member @ np.where(defined, values, 0.0) / np.where(count > 0, count, np.nan), dtype=np.float64)
 
 
 def _within(values: NDArray[np.float64], group: NDArray[np.intp]) -> Averages:
     """Means whose errors are of the scenes within their groups."""
-    there, of_groups = ~np.isnan(values), _group_means(values, group)
-    n = there.sum(axis=0)
+    defined, of_groups = ~np.isnan(values), _group_means(values, group)
+    n = defined.sum(axis=0)
     degrees = n - (~np.isnan(of_groups)).sum(axis=0).astype(np.float64)
-    mean = np.where(there, values, 0.0).sum(axis=0) / np.maximum(n, 1)
-    residual = np.where(there, values - of_groups[group], 0.0) / np.sqrt(np.maximum(n * degrees, 1.0))
+    mean = np.where(defined, values, 0.0).sum(axis=0) / np.maximum(n, 1)
+    residual = np.where(defined, values - of_groups[group], 0.0) / np.sqrt(np.maximum(n * degrees, 1.0))
     error = np.linalg.norm(residual, axis=0)
     return Averages(mean, error, np.maximum(degrees, 1.0), n, n, _directions_within(group) @ residual)
 
@@ -268,14 +268,14 @@ def half_widths_alone(found: Averages, share: float) -> NDArray[np.float64]:
 
 def taking_part(found: Averages, directions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Parts of errors, and directions, without the scenes that add to no error."""
-    some = np.any(found.parts, axis=1)
-    return found.parts[some], within(directions, some)
+    has_part = np.any(found.parts, axis=1)
+    return found.parts[has_part], within(directions, has_part)
 
 
 def _largest(t: NDArray[np.float64], degrees: NDArray[np.float64]) -> int:
     """The least probable of some values of t: only the largest of each number of degrees can be."""
-    each = [np.flatnonzero(degrees == number) for number in np.unique(degrees)]
-    largest = np.array([places[np.argmax(t[places])] for places in each])
+    by_degrees = [np.flatnonzero(degrees == number) for number in np.unique(degrees)]
+    largest = np.array([places[np.argmax(t[places])] for places in by_degrees])
     return int(largest[np.argmin(upper_tail(t[largest], degrees[largest]))])
 
 
@@ -331,8 +331,8 @@ def more_scenes(found: Averages, chosen: int, points: Averages, *, margin: float
     level
         Probability that an interval contains the true difference.
     """
-    one = np.arange(len(found.mean)) == chosen
-    open_ = found.of(one) if abs(found.mean[chosen]) > margin else points
+    is_chosen = np.arange(len(found.mean)) == chosen
+    open_ = found.of(is_chosen) if abs(found.mean[chosen]) > margin else points
     away = np.abs(np.abs(open_.mean) - margin)
     if np.any(away <= TOO_CLOSE * margin):
         return None

@@ -50,8 +50,8 @@ def scales_of_groups(group: NDArray[np.signedinteger[Any]], residual: NDArray[np
     of_groups = length[sorting(group)]
     for of_group in np.split(of_groups, last[:-1]):
         of_group.sort()  # NaN last
-    known = np.bincount(group, np.isfinite(length)).astype(np.intp)
-    low, high = last - count + np.maximum(known - 1, 0) // 2, last - count + known // 2
+    n_known = np.bincount(group, np.isfinite(length)).astype(np.intp)
+    low, high = last - count + np.maximum(n_known - 1, 0) // 2, last - count + n_known // 2
     median = 0.5 * (of_groups[low] + of_groups[np.minimum(high, len(length) - 1)])
     scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), LEAST_PX)
     return scale
@@ -65,14 +65,14 @@ def sorting(group: NDArray[np.signedinteger[Any]]) -> NDArray[np.intp]:
 def squared(residual: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:
     """Squared lengths of residuals (n, 2) in units of their scales (n,)."""
     u, v = residual.T
-    found: NDArray[np.float64] = (u * u + v * v) / (scale * scale)
-    return found
+    distance: NDArray[np.float64] = (u * u + v * v) / (scale * scale)
+    return distance
 
 
 def weights(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weights of Student's distribution for squared distances (n,); 0 where one is unknown."""
-    found: NDArray[np.float64] = np.nan_to_num((FREEDOM + 2.0) / (FREEDOM + distance))
-    return found
+    weight: NDArray[np.float64] = np.nan_to_num((FREEDOM + 2.0) / (FREEDOM + distance))
+    return weight
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,17 +98,17 @@ class NormalEquations:
     def matrices(self, name: str, trackers: Sequence[int] | None = None) -> NDArray[np.float64]:
         """(clusters, p, p): `weighted` or `curvature` of each cluster, of all trackers or of some."""
         p = len(self.ridge)
-        found = np.zeros((self.count.shape[1], p, p))
-        for one in self._chosen(trackers):
-            found[:, one.columns[:, None], one.columns] += getattr(one, name)
-        return found
+        matrices = np.zeros((self.count.shape[1], p, p))
+        for sums in self._chosen(trackers):
+            matrices[:, sums.columns[:, None], sums.columns] += getattr(sums, name)
+        return matrices
 
     def gradients(self, trackers: Sequence[int] | None = None) -> NDArray[np.float64]:
         """(clusters, p): `gradient` of each cluster, of all trackers or of some."""
-        found = np.zeros((self.count.shape[1], len(self.ridge)))
-        for one in self._chosen(trackers):
-            found[:, one.columns] += one.gradient
-        return found
+        gradients = np.zeros((self.count.shape[1], len(self.ridge)))
+        for sums in self._chosen(trackers):
+            gradients[:, sums.columns] += sums.gradient
+        return gradients
 
     def counts(self, trackers: Sequence[int] | None = None) -> NDArray[np.intp]:
         """(clusters,): observations of each cluster, of all trackers or of some."""
@@ -120,16 +120,16 @@ class NormalEquations:
         return np.asarray(self.matrices("weighted").sum(axis=0) + np.diag(self.ridge))
 
     def _chosen(self, trackers: Sequence[int] | None) -> Sequence[TrackerSums]:
-        return self.of_trackers if trackers is None else [self.of_trackers[each] for each in trackers]
+        return self.of_trackers if trackers is None else [self.of_trackers[tracker] for tracker in trackers]
 
 
 def summed(
     design: NDArray[np.float64], residual: NDArray[np.float64], scale: NDArray[np.float64], ridge: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Information, (p, p), and first derivatives, (p,), of all observations; parameters as in `normal_equations`."""
-    _, weight, known, finite = _weighted(design, residual, scale)
+    _, weight, filled, finite = _weighted(design, residual, scale)
     rows, twice = finite.reshape(2 * len(weight), design.shape[2]), np.repeat(weight, 2)
-    return (rows * twice[:, None]).T @ rows + np.diag(ridge), rows.T @ (twice * known.ravel())
+    return (rows * twice[:, None]).T @ rows + np.diag(ridge), rows.T @ (twice * filled.ravel())
 
 
 def _weighted(
@@ -138,8 +138,8 @@ def _weighted(
     """Squared distances and weights, (n,), residuals and design with 0 for what is missing."""
     distance = squared(residual, scale)
     weight = weights(distance) / (scale * scale)
-    known = np.where(np.isfinite(distance)[:, None], residual, 0.0)
-    return distance, weight, known, np.where(np.isfinite(design), design, 0.0)
+    filled = np.where(np.isfinite(distance)[:, None], residual, 0.0)
+    return distance, weight, filled, np.where(np.isfinite(design), design, 0.0)
 
 
 def normal_equations(
@@ -166,18 +166,18 @@ def normal_equations(
         See `NormalEquations`.
     """
     shape = int(tracker.max()) + 1, int(cluster.max()) + 1
-    distance, weight, known, finite = _weighted(design, residual, scale)
+    distance, weight, filled, finite = _weighted(design, residual, scale)
     steep = 2.0 * weight / ((FREEDOM + np.nan_to_num(distance)) * scale * scale)
     group = tracker * shape[1] + cluster
     count = np.bincount(group, minlength=shape[0] * shape[1]).reshape(shape)
     of_trackers = np.split(sorting(group), np.cumsum(count.sum(axis=1))[:-1])
-    found = []
+    of_each = []
     for rows, counts in zip(of_trackers, count, strict=True):
         columns = np.flatnonzero(finite[rows].any(axis=(0, 1)))
-        own = finite[rows][:, :, columns]
-        along = np.einsum("nij,ni->nj", own, known[rows])
-        found.append(_sums(columns, counts, own, along, weight[rows], steep[rows]))
-    return NormalEquations(found, ridge, count)
+        tracker_design = finite[rows][:, :, columns]
+        along = np.einsum("nij,ni->nj", tracker_design, filled[rows])
+        of_each.append(_sums(columns, counts, tracker_design, along, weight[rows], steep[rows]))
+    return NormalEquations(of_each, ridge, count)
 
 
 def _sums(
@@ -194,8 +194,8 @@ def _sums(
     ends = np.cumsum(counts)
     for number, (start, stop) in enumerate(zip(ends - counts, ends, strict=True)):
         rows = slice(start, stop)
-        some = design[rows].reshape(2 * (stop - start), q)
-        weighted[number] = some.T @ (np.repeat(weight[rows], 2)[:, None] * some)
+        block = design[rows].reshape(2 * (stop - start), q)
+        weighted[number] = block.T @ (np.repeat(weight[rows], 2)[:, None] * block)
         curvature[number] = weighted[number] - along[rows].T @ (steep[rows, None] * along[rows])
         gradient[number] = weight[rows] @ along[rows]
     return TrackerSums(columns, weighted, curvature, gradient)
@@ -219,8 +219,8 @@ class Jackknife:
     @property
     def covariance(self) -> NDArray[np.float64]:
         """(p, p): of the fit."""
-        found: NDArray[np.float64] = (self.n - 1) / self.n * self.moves.T @ self.moves
-        return found
+        covariance: NDArray[np.float64] = (self.n - 1) / self.n * self.moves.T @ self.moves
+        return covariance
 
     @property
     def standard_errors(self) -> NDArray[np.float64]:
@@ -269,19 +269,19 @@ def jackknife(equations: NormalEquations, trackers: Sequence[int] | None = None)
         Places of those whose observations are used; by default all.
     """
     present = equations.counts(trackers) > 0
-    own = _definite(equations, trackers)[present]
+    information = _definite(equations, trackers)[present]
     gradient = equations.gradients(trackers)[present]
-    every = own.sum(axis=0) + np.diag(equations.ridge)
-    step = np.linalg.solve(every, gradient.sum(axis=0))
-    without = np.linalg.solve(every - own, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
+    total = information.sum(axis=0) + np.diag(equations.ridge)
+    step = np.linalg.solve(total, gradient.sum(axis=0))
+    without = np.linalg.solve(total - information, (gradient.sum(axis=0) - gradient)[:, :, None])[:, :, 0]
     shares = _shares(equations.matrices("weighted", trackers)[present], equations.ridge)
     return Jackknife(without - step, step, shares)
 
 
-def _shares(own: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
+def _shares(matrices: NDArray[np.float64], ridge: NDArray[np.float64]) -> NDArray[np.float64]:
     """(clusters, p): shares of clusters in variances, from the information (clusters, p, p) of each."""
-    inverse = np.linalg.inv(own.sum(axis=0) + np.diag(ridge))
-    variance = np.maximum(np.einsum("ij,cjk,ik->ci", inverse, own, inverse), 0.0)  # rounding may make it negative
+    inverse = np.linalg.inv(matrices.sum(axis=0) + np.diag(ridge))
+    variance = np.maximum(np.einsum("ij,cjk,ik->ci", inverse, matrices, inverse), 0.0)  # rounding may make it negative
     return np.asarray(variance / np.maximum(variance.sum(axis=0), 1e-300))
 
 
@@ -292,10 +292,10 @@ def _effective(share: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _definite(equations: NormalEquations, trackers: Sequence[int] | None) -> NDArray[np.float64]:
     """Second derivatives of each cluster; those with fixed weights where outliers leave the others indefinite."""
-    own = equations.matrices("curvature", trackers)
-    without = own.sum(axis=0) + np.diag(equations.ridge) - own
+    information = equations.matrices("curvature", trackers)
+    without = information.sum(axis=0) + np.diag(equations.ridge) - information
     safe = without.size == 0 or float(np.linalg.eigvalsh(_scaled(without)).min()) > 1e-12
-    return own if safe else equations.matrices("weighted", trackers)
+    return information if safe else equations.matrices("weighted", trackers)
 
 
 def _scaled(matrices: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -143,12 +143,12 @@ def _signs(units: int, seed: int) -> Array:
     return np.asarray(1.0 - 2.0 * bits, dtype=np.float64)
 
 
-def _within(group: NDArray[np.intp], there: NDArray[np.bool_]) -> Array:
+def _within(group: NDArray[np.intp], present: NDArray[np.bool_]) -> Array:
     """Orthonormal rows: the mean of the scenes, then the differences within groups, (rows, scenes)."""
-    same = (group[:, None] == group) & there & there[:, None]
-    centred = np.diag(there * 1.0) - same / np.maximum(same.sum(axis=1), 1)
+    same = (group[:, None] == group) & present & present[:, None]
+    centred = np.diag(present * 1.0) - same / np.maximum(same.sum(axis=1), 1)
     values, vectors = np.linalg.eigh(centred)
-    mean = there / np.sqrt(max(there.sum(), 1))
+    mean = present / np.sqrt(max(present.sum(), 1))
     return np.concatenate([mean[None], vectors[:, values > 0.5].T])
 
 
@@ -189,15 +189,15 @@ def flip_test(means: Array, *, seed: int = 0, chance: Chance | None = None) -> F
         Flips of these scenes; by default their own, with every scene a group of its own.
     """
     draws = chance or Chance.of([str(place) for place in range(len(means))], seed=seed)
-    there = ~np.isnan(means[..., 0])
-    patterns, kind = np.unique(there, axis=1, return_inverse=True)
+    present = ~np.isnan(means[..., 0])
+    patterns, kind = np.unique(present, axis=1, return_inverse=True)
     units = np.array([draws.units(pattern) for pattern in patterns.T], dtype=np.intp)[kind.ravel()]
-    q, rank = _q(np.where(there[..., None], means, 0.0), draws, patterns, kind.ravel())
+    q, rank = _q(np.where(present[..., None], means, 0.0), draws, patterns, kind.ravel())
     strength = -np.maximum(units - 2, 0) / 2 * np.log1p(-q)
     tested = units > 0
     largest = strength[:, tested].max(axis=1, initial=0.0)
     return FlipTest(
-        n_scenes=there.sum(axis=0),
+        n_scenes=present.sum(axis=0),
         hotelling_p=np.where(tested & (rank == 2), np.exp(-strength[0]), np.nan),
         sign_flip_p=np.where(tested, _share_as_large(q), np.nan),
         adjusted_p=np.where(tested, _share_above(largest, strength[0]), np.nan),

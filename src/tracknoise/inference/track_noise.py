@@ -93,7 +93,7 @@ COMPONENTS = (
     NoiseComponent("drift", "D", "drift", 2, False, _drift),
 )
 """In the order of their factors in sums and fits."""
-NAMES = tuple(one.name for one in COMPONENTS)
+NAMES = tuple(component.name for component in COMPONENTS)
 
 
 def shares(one: Seen, other: Seen, reference: Reference = Reference.BIRTH) -> list[Array]:
@@ -130,7 +130,11 @@ class TrackNoise:
 
     def per_frames(self, frames: float) -> "TrackNoise":
         """The same noise of a track that is seen once in so many frames: walk and drift are of all of them."""
-        grown = {one.name: own * frames**one.power for one, own in zip(COMPONENTS, self, strict=True) if one.power}
+        grown = {
+            component.name: part * frames**component.power
+            for component, part in zip(COMPONENTS, self, strict=True)
+            if component.power
+        }
         return replace(self, **grown)
 
     def covariance(
@@ -156,9 +160,9 @@ class TrackNoise:
         seen = Seen(aged.astype(np.float64), magnification, np.cumsum(steps, axis=1), scale)
         rows, columns = seen.at(slice(None), slice(None), None), seen.at(slice(None), None)
         summed = np.zeros((len(magnification), count, 2, count, 2))
-        for component, own in zip(COMPONENTS, self, strict=True):
-            if own.any():  # most models have two of the four
-                summed += np.einsum("tjk,uv->tjukv", component.shared(rows, columns, reference), own)
+        for component, part in zip(COMPONENTS, self, strict=True):
+            if part.any():  # most models have two of the four
+                summed += np.einsum("tjk,uv->tjukv", component.shared(rows, columns, reference), part)
         return summed.reshape(len(magnification), 2 * count, 2 * count)
 
 
@@ -174,9 +178,9 @@ def error_covariances(noise: TrackNoise, age: Array, magnification: Array, facto
 
 def change_covariances(noise: TrackNoise, frames: Array, factor: Array) -> Array:
     """Covariances of changes over a number of frames (n,) after the first one, (n, 2, 2) px^2."""
-    one = np.ones_like(frames)
-    before, now = (Seen(age, one, factor * age, factor) for age in (one, 1.0 + frames))
-    return _summed(noise, changed(shares(now, now), shares(now, before), shares(before, before), one))
+    ones = np.ones_like(frames)
+    before, now = (Seen(age, ones, factor * age, factor) for age in (ones, 1.0 + frames))
+    return _summed(noise, changed(shares(now, now), shares(now, before), shares(before, before), ones))
 
 
 def changed(new: list[Array], mixed: list[Array], old: list[Array], r: Array) -> list[Array]:
@@ -195,6 +199,6 @@ def track_covariance(
     return noise.covariance(carried, ages=aged, factor=scale, reference=reference)[0, 2 * missing :, 2 * missing :]
 
 
-def _summed(noise: TrackNoise, found: list[Array]) -> Array:
-    parts = zip(found, noise, strict=True)
+def _summed(noise: TrackNoise, component_shares: list[Array]) -> Array:
+    parts = zip(component_shares, noise, strict=True)
     return np.asarray(sum(share[:, None, None] * covariance for share, covariance in parts))

@@ -97,22 +97,25 @@ class JoinedScenes:
     def of(cls, scenes: Mapping[str, Iterable[str]], groups: SceneGroups) -> "JoinedScenes":
         """Of the scenes of each dataset."""
         names: dict[tuple[str, str], str] = {}
-        for dataset, every in scenes.items():
-            known = sorted(every)
-            group = groups.of(dataset, known)
+        for dataset, of_dataset in scenes.items():
+            ordered = sorted(of_dataset)
+            group = groups.of(dataset, ordered)
             if scheme(group) == Resampled.groups:
-                names |= {(dataset, scene): f"group {own}" for scene, own in zip(known, group, strict=True)}
-        others = {key: group for key, group in groups.names.items() if key not in names}
-        return cls(names, SceneGroups(others, groups.copies))
+                names |= {(dataset, scene): f"group {number}" for scene, number in zip(ordered, group, strict=True)}
+        other_groups = {key: group for key, group in groups.names.items() if key not in names}
+        return cls(names, SceneGroups(other_groups, groups.copies))
 
     def rename(self, table: pl.DataFrame, dataset: str) -> pl.DataFrame:
         """A table of one dataset with these names in its column scene."""
-        names = {scene: name for (of, scene), name in self.names.items() if of == dataset}
+        names = {scene: name for (of_dataset, scene), name in self.names.items() if of_dataset == dataset}
         return table.with_columns_seq(pl.col("scene").replace(names)) if names else table
 
     def scenes(self, scenes: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
         """Scenes of each dataset by their new names."""
-        return {of: {self.names.get((of, scene), scene) for scene in every} for of, every in scenes.items()}
+        return {
+            dataset: {self.names.get((dataset, scene), scene) for scene in own_scenes}
+            for dataset, own_scenes in scenes.items()
+        }
 
     def resampled(self, units: Resampled | None, dataset: str, scenes: Sequence[str]) -> Resampled | None:
         """What intervals are over, given what units of some scenes of a dataset, by their new names, were made of.
@@ -122,7 +125,7 @@ class JoinedScenes:
         """
         if units != Resampled.scenes:
             return units
-        joined = any(of == dataset for of, _ in self.names)
+        joined = any(of_dataset == dataset for of_dataset, _ in self.names)
         return Resampled.groups if joined else scheme(self.others.of(dataset, scenes))
 
 

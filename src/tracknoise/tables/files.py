@@ -135,13 +135,13 @@ def read_stacked(
     """
     wanted = columns if only is None else {name: kind for name, kind in columns.items() if name in only}
     contents = {path: _content(path, sha256) for path, sha256 in files.items()}
-    every = list(contents.values())
-    are_equal = all(content == every[0] for content in every)
+    encoded = list(contents.values())
+    are_equal = all(content == encoded[0] for content in encoded)
     try:
-        sources: list[IO[bytes]] = [io.BytesIO(content) for content in (every[:1] if are_equal else every)]
+        sources: list[IO[bytes]] = [io.BytesIO(content) for content in (encoded[:1] if are_equal else encoded)]
         scanned = pl.scan_parquet(sources) if only is None else pl.scan_parquet(sources).select(list(wanted))
         table = schema.of_this_version(scanned.collect(), wanted)
-        stacked = pl.concat([table] * len(every)) if are_equal else table
+        stacked = pl.concat([table] * len(encoded)) if are_equal else table
         return schema.check_stored(stacked, wanted, "tables")
     except (OSError, SchemaError, *_DAMAGE) as error:
         raise_if_interruption(error)  # otherwise one by one, so that the error names the file

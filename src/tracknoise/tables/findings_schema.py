@@ -271,14 +271,14 @@ Lags of 1 and more, in frames that the tracker saw, have the autocorrelation of 
 
 def _tracks() -> Rows:
     """Lifetimes: survival, and numbers of tracks, by lifetime."""
-    at: Constants = {"axis": "lifetime", "aspect": Aspect.all}
+    labels: Constants = {"axis": "lifetime", "aspect": Aspect.all}
     values = [
-        Value("survival", "survival", at, carried={"n": "at_risk", "n_scenes": "n_scenes"}),
-        Value("survival_until_failure", "survival_until_failure", at),
-        Value("tracks_ended", "n_ended", at),
-        Value("tracks_censored", "n_censored", at),
-        *(Value("tracks_ended_by_cause", f"n_{cause}", {**at, "part": cause}) for cause in CAUSES),
-        Value("followed_to", "followed_to", at),
+        Value("survival", "survival", labels, carried={"n": "at_risk", "n_scenes": "n_scenes"}),
+        Value("survival_until_failure", "survival_until_failure", labels),
+        Value("tracks_ended", "n_ended", labels),
+        Value("tracks_censored", "n_censored", labels),
+        *(Value("tracks_ended_by_cause", f"n_{cause}", {**labels, "part": cause}) for cause in CAUSES),
+        Value("followed_to", "followed_to", labels),
     ]
     keys = {**OF_CONDITION, "at": "lifetime"}
     return Rows(ResultTopic.tracks, keys, values)

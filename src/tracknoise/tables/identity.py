@@ -133,11 +133,11 @@ def identifiers(names: Sequence[str], *, taken: Iterable[str] = ()) -> dict[str,
     """
     wished = {name: re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:_LONGEST_NAME] or "tracker" for name in names}
     shared = {slug for slug, times in Counter([*wished.values(), *taken]).items() if times > 1}
-    given = {name: slug for name, slug in wished.items() if slug not in shared}
-    used = {*given.values(), *taken}
+    slugs = {name: slug for name, slug in wished.items() if slug not in shared}
+    used = {*slugs.values(), *taken}
     for place, name in enumerate(names, start=1):
-        if name not in given:
+        if name not in slugs:
             numbered = (f"{wished[name]}-{number}" for number in itertools.count(place))
-            given[name] = next(slug for slug in numbered if slug not in used)
-            used.add(given[name])
-    return given
+            slugs[name] = next(slug for slug in numbered if slug not in used)
+            used.add(slugs[name])
+    return slugs

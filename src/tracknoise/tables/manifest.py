@@ -91,31 +91,31 @@ def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
 
     Numbers are medians, those of errors roots of means of squares, of those that have them. The reason is the first.
     """
-    known = [fit for fit in fits if fit is not None]
-    if not known:
+    pose_fits = [fit for fit in fits if fit is not None]
+    if not pose_fits:
         return None
-    numbers = {name: [getattr(fit, name) for fit in known] for name in ("left_px", "stated_px", "next_px")}
-    counts = [fit.references for fit in known if fit.references is not None]
-    ages = [fit.age for fit in known if fit.age is not None]
-    laws = [fit.stated_errors for fit in known if fit.stated_errors is not None]
+    numbers = {name: [getattr(fit, name) for fit in pose_fits] for name in ("left_px", "stated_px", "next_px")}
+    counts = [fit.references for fit in pose_fits if fit.references is not None]
+    ages = [fit.age for fit in pose_fits if fit.age is not None]
+    laws = [fit.stated_errors for fit in pose_fits if fit.stated_errors is not None]
     names = dict.fromkeys(name for law in laws for name in law)
-    corrected = dict.fromkeys(name for fit in known for name in fit.corrections)
+    corrected = dict.fromkeys(name for fit in pose_fits for name in fit.corrections)
     return PoseFit(
         all(fit.leads for fit in fits if fit),
         references=median(counts) if counts else None,
         age=max(ages, default=None),
         stated_errors={name: _together([law.get(name) for law in laws]) or 0.0 for name in names} or None,
-        corrections={name: median(fit.corrections.get(name, 0.0) for fit in known) for name in corrected},
-        joins_depths=any(fit.joins_depths for fit in known),
-        reason=next((fit.reason for fit in known if fit.reason), ""),
+        corrections={name: median(fit.corrections.get(name, 0.0) for fit in pose_fits) for name in corrected},
+        joins_depths=any(fit.joins_depths for fit in pose_fits),
+        reason=next((fit.reason for fit in pose_fits if fit.reason), ""),
         **{name: _together(values) for name, values in numbers.items()},
     )
 
 
 def _together(values: Sequence[float | None]) -> float | None:
     """Root of the mean of the squares of those that are known."""
-    known = [value for value in values if value is not None]
-    return sqrt(fmean(value * value for value in known)) if known else None
+    numbers = [value for value in values if value is not None]
+    return sqrt(fmean(value * value for value in numbers)) if numbers else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,11 +286,11 @@ class Manifest:
         """Read the text that `to_json` returned; `place` is its name in errors."""
         try:
             raw: dict[str, Any] = json.loads(text)
-            found = raw.pop("format")
-            if isinstance(found, int) and found != FORMAT:
+            file_format = raw.pop("format")
+            if isinstance(file_format, int) and file_format != FORMAT:
                 remedy = f"{_REMEDY}, or read it with the version that wrote it"
-                raise StoreError(f"{place}: format {found}, expected {FORMAT}: {remedy}")
-            if raw.pop(_SEAL) != _digest({"format": found, **raw}):
+                raise StoreError(f"{place}: format {file_format}, expected {FORMAT}: {remedy}")
+            if raw.pop(_SEAL) != _digest({"format": file_format, **raw}):
                 raise StoreError(damaged(place, "checksum mismatch"))
             _require_types(raw)
             raw["sequences"] = {key: _entry(**entry) for key, entry in raw["sequences"].items()}
@@ -343,7 +343,7 @@ def _as_object(entry: SequenceEntry) -> dict[str, Any]:
 
 def _fields_of(record: Manifest | SequenceEntry) -> dict[str, Any]:
     """Values of the fields, by name; unlike those of `asdict`, no copies, which take long in a large run."""
-    return {each.name: getattr(record, each.name) for each in fields(record)}
+    return {field.name: getattr(record, field.name) for field in fields(record)}
 
 
 _LISTS = ("notes", "doubts", "cautions")

@@ -31,13 +31,13 @@ def results_of(tables: Mapping[RunTable, pl.DataFrame]) -> pl.DataFrame:
     polars.DataFrame
         Schema `RESULTS`.
     """
-    known = [(table.rows, found) for table, found in tables.items() if table.rows is not None]
-    shared = frozenset[ResultTopic]().union(*(rows.topics for rows, _ in known if len(rows.topics) > 1))
-    made: list[pl.DataFrame] = []
+    with_rows = [(table.rows, data) for table, data in tables.items() if table.rows is not None]
+    shared = frozenset[ResultTopic]().union(*(rows.topics for rows, _ in with_rows if len(rows.topics) > 1))
+    parts: list[pl.DataFrame] = []
     for topics in (shared, frozenset(ResultTopic) - shared):  # tables that have rows in common, and all others at once
-        mine = ((rows, found) for rows, found in known if rows.topics & topics)
-        made.append(finished(part for rows, found in mine for _, part in _parts_of(rows, found)))
-    return pl.concat(made)
+        mine = ((rows, data) for rows, data in with_rows if rows.topics & topics)
+        parts.append(finished(part for rows, data in mine for _, part in _parts_of(rows, data)))
+    return pl.concat(parts)
 
 
 def run_results(run: RunFolder, tables: Iterable[RunTable]) -> pl.DataFrame:
@@ -77,21 +77,21 @@ def _parts_of(rows: Rows, table: pl.DataFrame) -> Iterator[tuple[Value, pl.DataF
         is_first = (group := tuple(value.rows.items())) not in groups
         if is_first:
             groups[group] = table.filter(*(pl.col(name).eq_missing(pl.lit(wanted)) for name, wanted in group))
-        own = groups[group]
-        if not (is_first or value.always) and own[value.column].null_count():
-            own = own.filter(pl.col(value.column).is_not_null())
-        if own.is_empty():
+        part = groups[group]
+        if not (is_first or value.always) and part[value.column].null_count():
+            part = part.filter(pl.col(value.column).is_not_null())
+        if part.is_empty():
             continue
         unit = QUANTITIES[value.quantity].unit
         constants = {"topic": value.topic or rows.topic, "quantity": value.quantity, "unit": unit, **value.labels}
         named = {name: column for name, column in keys.items() if name not in value.labels}
-        taken = {**named, "value": value.column, **value.carried}
+        sources = {**named, "value": value.column, **value.carried}
         yield (
             value,
-            own.select(
+            part.select(
                 _ROW,
-                *(pl.lit(constant).alias(name) for name, constant in constants.items() if name not in taken),
-                *(_encoded(column, kinds.get(column)).alias(target) for target, column in taken.items()),
+                *(pl.lit(constant).alias(name) for name, constant in constants.items() if name not in sources),
+                *(_encoded(column, kinds.get(column)).alias(target) for target, column in sources.items()),
             ),
         )
 

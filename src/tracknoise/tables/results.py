@@ -131,7 +131,7 @@ def ids(rows: pl.DataFrame) -> pl.Series:
 
 def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:
     """Those columns of rows that have a kind, of their kinds."""
-    return pl.DataFrame([own.cast(kinds[own.name]) for own in rows.iter_columns() if own.name in kinds])
+    return pl.DataFrame([column.cast(kinds[column.name]) for column in rows.iter_columns() if column.name in kinds])
 
 
 _WITHOUT_TRUTH = (
@@ -177,10 +177,10 @@ def _ids(table: pl.DataFrame) -> pl.Series:
     """The quantity and a checksum of the identity of each row."""
     cells = [pl.col(name).cast(pl.String).fill_null("") for name in IDENTITY]
     parts = [pl.Series("id", [], dtype=pl.String)]
-    for some in table.iter_slices(_AT_ONCE):
-        words = some.select_seq(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
+    for chunk in table.iter_slices(_AT_ONCE):
+        words = chunk.select_seq(name=pl.col("quantity").cast(pl.String), words=pl.concat_str(cells, separator="|"))
         sums = (hashlib.blake2b(text.encode(), digest_size=_BYTES).hexdigest() for text in words["words"])
-        names = [f"{name}-{found}" for name, found in zip(words["name"], sums, strict=True)]
+        names = [f"{name}-{checksum}" for name, checksum in zip(words["name"], sums, strict=True)]
         parts.append(pl.Series("id", names, dtype=pl.String))
     return pl.concat(parts)
 

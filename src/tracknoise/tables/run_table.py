@@ -121,8 +121,8 @@ COUNTED: dict[str, str] = same("n", "n_scenes")
 def by_quantity(names: Mapping[str, tuple[str, Constants]], carried: Columns, **labels: str | None) -> list[Value]:
     """Values of a table with the columns quantity and value: quantities of results and their labels, by `names`."""
     return [
-        Value(quantity, "value", {**labels, **own}, {"quantity": name}, carried)
-        for name, (quantity, own) in names.items()
+        Value(quantity, "value", {**labels, **constants}, {"quantity": name}, carried)
+        for name, (quantity, constants) in names.items()
     ]
 
 

@@ -715,9 +715,9 @@ def layout_of(schema: Schema, names: Iterable[str]) -> Schema:
     """Columns, in order, that a table with these column names must have: `schema`, unless it is open."""
     if not isinstance(schema, OpenSchema):
         return schema
-    found = set(names)
-    group = {name: kind for group in schema.groups if found & group.keys() for name, kind in group.items()}
-    more = sorted(name for name in found if re.fullmatch(schema.pattern, name))
+    present = set(names)
+    group = {name: kind for group in schema.groups if present & group.keys() for name, kind in group.items()}
+    more = sorted(name for name in present if re.fullmatch(schema.pattern, name))
     return {**schema.columns, **group, **dict.fromkeys(more, schema.dtype)}
 
 
@@ -741,16 +741,16 @@ def check(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
         Naming the first column that differs, or what is no table.
     """
     require_table(table, name)
-    found = list(zip(table.columns, table.dtypes, strict=True))  # quicker than its schema
+    columns = list(zip(table.columns, table.dtypes, strict=True))  # quicker than its schema
     schema = layout_of(schema, table.columns)
     expected = [(column, kind() if isinstance(kind, type) else kind) for column, kind in schema.items()]
     for position, pair in enumerate(expected):
-        actual = found[position] if position < len(found) else None
+        actual = columns[position] if position < len(columns) else None
         if actual != pair:
             shown = f"{actual[0]}: {actual[1]}" if actual else "nothing"
             raise SchemaError(f"{name}: column {position} is {shown}, expected {pair[0]}: {pair[1]}")
-    if len(found) > len(expected):
-        raise SchemaError(f"{name}: unexpected column {found[len(expected)][0]!r}")
+    if len(columns) > len(expected):
+        raise SchemaError(f"{name}: unexpected column {columns[len(expected)][0]!r}")
     return table
 
 
@@ -785,8 +785,8 @@ def check_stored(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame
     for column in check(table, schema, name).iter_columns():
         values = column.explode() if isinstance(column.dtype, pl.List) else column
         if values.dtype.is_float() and not values.is_finite().all():  # which leaves out null
-            found = values.filter(~values.is_finite())[0]
-            raise SchemaError(f"{name}: column {column.name} holds {found}, expected finite numbers or null")
+            value = values.filter(~values.is_finite())[0]
+            raise SchemaError(f"{name}: column {column.name} holds {value}, expected finite numbers or null")
     return table
 
 
@@ -800,10 +800,10 @@ def of_this_version(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     Enumerations are extended only if those of `schema` have all of their categories. Last columns that are not in it
     are null.
     """
-    found = table.schema  # made anew whenever it is asked for
+    stored = table.schema  # made anew whenever it is asked for
     kinds = dict(schema).items()
-    changed = [pl.col(name).cast(kind) for name, kind in kinds if name in found and _continues(kind, found[name])]
-    changed += [pl.lit(None, kind).alias(name) for name, kind in kinds if name in _LATER_COLUMNS and name not in found]
+    changed = [pl.col(name).cast(kind) for name, kind in kinds if name in stored and _continues(kind, stored[name])]
+    changed += [pl.lit(None, kind).alias(name) for name, kind in kinds if name in _LATER_COLUMNS and name not in stored]
     return table.with_columns(changed) if changed else table
 
 

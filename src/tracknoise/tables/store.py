@@ -182,11 +182,11 @@ class RunFolder:
 
     def _discard(self, name: str, but: Collection[str]) -> None:
         folder = self.path / name
-        there = list(folder.iterdir()) if folder.is_dir() else []
-        for path in there:
+        paths = list(folder.iterdir()) if folder.is_dir() else []
+        for path in paths:
             if path.name not in but:
                 remove(path)
-        if there and not any(folder.iterdir()):
+        if paths and not any(folder.iterdir()):
             remove(folder)
 
     @property
@@ -258,8 +258,8 @@ class RunFolder:
             If there is no run here, or the settings are missing or not those that were written.
         """
         remedy = "`tracknoise run` with the same experiment writes them again"
-        known = self.manifest().experiment_sha256
-        return read_text_checked(self.path / _SETTINGS, known, expected="the settings of the run", remedy=remedy)
+        hashes = self.manifest().experiment_sha256
+        return read_text_checked(self.path / _SETTINGS, hashes, expected="the settings of the run", remedy=remedy)
 
     def settings(self) -> dict[str, Any]:
         """The resolved settings by their keys, of which those that every experiment has are there.
@@ -438,8 +438,8 @@ class RunFolder:
         StoreError
             If it is missing or damaged.
         """
-        known = self._hashes_of(key).get(_SNAPSHOTS)
-        return read_checked(self.snapshot_path(key), [known] if known else [], expected="an image of the run")
+        sha256 = self._hashes_of(key).get(_SNAPSHOTS)
+        return read_checked(self.snapshot_path(key), [sha256] if sha256 else [], expected="an image of the run")
 
     def names_of_tables(self, key: str) -> list[str]:
         """Names of the tables that are stored of one sequence."""
@@ -517,8 +517,8 @@ class RunFolder:
             As `sequence_table`.
         """
         for start in range(0, len(keys), _STACKED):
-            some, recorded = keys[start : start + _STACKED], self._recorded()
-            files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in some}
+            batch, recorded = keys[start : start + _STACKED], self._recorded()
+            files = {self._table_path(name, key): self._kept(name, recorded.get(key, {})) for key in batch}
             yield read_stacked(files, _ALL_SEQUENCE_TABLES[name], only=only)
 
     def write_statistics(
@@ -539,11 +539,11 @@ class RunFolder:
             If a table does not have its columns, or the folder cannot be written.
         """
         checked = [
-            (table.name, schema.storable(schema.check(found, table, table.name))) for table, found in tables.items()
+            (table.name, schema.storable(schema.check(data, table, table.name))) for table, data in tables.items()
         ]
         manifest, folder = self.manifest(), self.path / "statistics"
-        for name, found in checked:
-            manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", found)
+        for name, data in checked:
+            manifest.statistics[name] = write_parquet(folder / f"{name}.parquet", data)
         for name, text in (documents or {}).items():
             manifest.statistics[name] = write_atomically(folder / name, text.encode())
         self.write_manifest(manifest)
@@ -578,10 +578,10 @@ class RunFolder:
         StoreError
             If it is missing or damaged.
         """
-        known = self._hashes().statistics.get(name)
-        if known is None:
+        sha256 = self._hashes().statistics.get(name)
+        if sha256 is None:
             return None
-        return read_text_checked(self.path / "statistics" / name, [known], expected="a document of the run")
+        return read_text_checked(self.path / "statistics" / name, [sha256], expected="a document of the run")
 
     def write_failures(self, failures: Mapping[str, FailureEntry]) -> None:
         """Write ``failures.jsonl``, one line per failed sequence; remove the file if there is none.
@@ -621,8 +621,8 @@ class RunFolder:
 
     def _hashes(self) -> _Hashes:
         """Hashes from the manifest. It can be large, so each version is read once."""
-        known, version = self._last_read, self._version()
-        return self._read()[1] if known is None or version is None or known.version != version else known
+        last, version = self._last_read, self._version()
+        return self._read()[1] if last is None or version is None or last.version != version else last
 
     def _read(self) -> tuple[Manifest, _Hashes]:
         """The manifest, and its hashes, which are remembered."""

@@ -46,8 +46,8 @@ class TruthVerdict:
             return cls()
         row = trust.row(0, named=True)
         texts = dict(trust.select("cause", "text").drop_nulls().iter_rows())
-        both = (texts.get(cause, "") for cause in (TruthCause.refined_poses, TruthCause.stated_poses))
-        return cls(Trust(row["verdict"]), row["text"], row["step"] or "", *both)
+        pose_texts = (texts.get(cause, "") for cause in (TruthCause.refined_poses, TruthCause.stated_poses))
+        return cls(Trust(row["verdict"]), row["text"], row["step"] or "", *pose_texts)
 
     @classmethod
     def of_run(cls, run: RunFolder) -> "TruthVerdict":

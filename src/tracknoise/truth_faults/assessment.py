@@ -135,7 +135,7 @@ class _Share:
     def of(cls, value: float, low: float | None, high: float | None) -> "_Share":
         """Between 0 and 1; a share without an interval may be anything."""
         bounds = value, 0.0 if low is None else low, 1.0 if high is None else high
-        return cls(*(min(max(one, 0.0), 1.0) for one in bounds))
+        return cls(*(min(max(bound, 0.0), 1.0) for bound in bounds))
 
     def at_least(self, other: "_Share") -> "_Share":
         """The larger one of both, and of their bounds."""
@@ -171,9 +171,9 @@ class _Size:
         rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age").to_dicts()
         cores = [hypot(row["core_u_px"], row["core_v_px"]) for row in rows]
         px = cores[-1] if cores else size.error_px
-        found, stated = cls(size.age, px, is_core=bool(rows)), size.stated_px
+        measured, stated = cls(size.age, px, is_core=bool(rows)), size.stated_px
         if not stated:
-            return found
+            return measured
         of_last = stated[max(stated)]
         parts = [
             (row["n"], _part(stated[row["age"]], min(row["near_px"], core)))
@@ -181,9 +181,9 @@ class _Size:
             if row["age"] in stated
         ]
         if not parts:
-            return replace(found, stated_px=of_last, stated_share=_part(of_last, px))
+            return replace(measured, stated_px=of_last, stated_share=_part(of_last, px))
         mean = sum(count * part for count, part in parts) / sum(count for count, _ in parts)
-        return replace(found, stated_px=of_last, stated_share=max(mean, parts[-1][1]))
+        return replace(measured, stated_px=of_last, stated_share=max(mean, parts[-1][1]))
 
 
 def _part(stated_px: float, px: float) -> float:
@@ -310,9 +310,9 @@ class _FittedPoses:
         fit = self.fit
         if fit is None or not self.count:
             return
-        some = "" if self.count == self.n_sequences else f" in {self.count} of {self.n_sequences} sequences"
+        where = "" if self.count == self.n_sequences else f" in {self.count} of {self.n_sequences} sequences"
         left, stated = (f"{pixels(value)}{SPACE}px" for value in (fit.left_px, fit.stated_px))
-        by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{some}"
+        by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{where}"
         refined = f"{by}; what is left of their errors is {left} at age {fit.age}."
         added = f"The stated poses would add {stated}."
         text = " ".join(filter(None, [refined, fit.of_depths, added]))
@@ -341,11 +341,11 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
     faults = _Named.of(evidence.audit)
     sizes = {tracker: _Size.of(tracker, size, evidence.curves) for tracker, size in evidence.sizes.items()}
     bounds = _bounds(evidence, sizes, is_faulty=bool(faults.rows))
-    found = _verdict(evidence, sizes, bounds, faults)
+    verdict = _verdict(evidence, sizes, bounds, faults)
     fitted = _FittedPoses.of(evidence, sizes)
-    text = fitted.with_reason(found.text)
+    text = fitted.with_reason(verdict.text)
     rows = [
-        {"cause": TruthCause.every, "verdict": found.verdict, "text": text, "step": found.step or None},
+        {"cause": TruthCause.every, "verdict": verdict.verdict, "text": text, "step": verdict.step or None},
         *_rows(evidence, bounds, faults),
         *fitted.rows(),
     ]
@@ -354,10 +354,10 @@ def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
 
 def _of_tracks(wrong: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
     """Rows of a truth that is not assessed, because tracks do not follow the images."""
-    (text, step), *others = wrong
-    more = "".join(f" {one}" for one, _ in others)
+    (text, step), *rest = wrong
+    more = "".join(f" {sentence}" for sentence, _ in rest)
     opening = {"cause": TruthCause.every, "verdict": Trust.not_assessed, "text": f"{text}{more}", "step": step}
-    return [opening, *({"cause": TruthCause.tracks, "text": one} for one, _ in wrong)]
+    return [opening, *({"cause": TruthCause.tracks, "text": sentence} for sentence, _ in wrong)]
 
 
 def _table(rows: Sequence[Mapping[str, Any]], dataset: str) -> pl.DataFrame:
@@ -368,9 +368,9 @@ def _table(rows: Sequence[Mapping[str, Any]], dataset: str) -> pl.DataFrame:
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:
     """A bound of the family `at_most`, the largest where a tracker has too few tracks; None without an audit."""
-    every = audit.filter(family=str(Family.at_most), parameter=parameter).sort("gain_high")
-    own = every.filter(component=tracker)
-    rows = (every if own.is_empty() else own).to_dicts()
+    of_all = audit.filter(family=str(Family.at_most), parameter=parameter).sort("gain_high")
+    of_tracker = of_all.filter(component=tracker)
+    rows = (of_all if of_tracker.is_empty() else of_tracker).to_dicts()
     return _of_row(rows[-1]) if rows else None
 
 
@@ -381,8 +381,8 @@ def _of_row(row: Mapping[str, Any]) -> _Share:
 def _by_source(shares: pl.DataFrame, tracker: str) -> tuple[_Share | None, _Share | None]:
     """What pose errors explain of a tracker that are fitted to its own other tracks, and to other trackers."""
     rows = shares.filter(tracker=tracker).to_dicts()
-    found = {row["fitted_to"]: _Share.of(row["share"], row["low"], row["high"]) for row in rows}
-    return found.get(FittedTo.own), found.get(FittedTo.others)
+    by_source = {row["fitted_to"]: _Share.of(row["share"], row["low"], row["high"]) for row in rows}
+    return by_source.get(FittedTo.own), by_source.get(FittedTo.others)
 
 
 def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: bool) -> list[_Bounds]:
@@ -396,10 +396,10 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
     tracker has small motions of its own also on exact data, and so have trackers of one kind: without another one to
     confirm it, a motion is established, and contradicts, only if it explains most of the errors.
     """
-    found, by_maps, by_poses = list[_Bounds](), list[bool](), list[bool]()
+    bounds, by_maps, by_poses = list[_Bounds](), list[bool](), list[bool]()
     for tracker, size in sizes.items():
-        poses, others = _by_source(evidence.pose_shares, tracker)
-        if poses is not None and others is not None and others.low == 0.0:
+        poses, of_others = _by_source(evidence.pose_shares, tracker)
+        if poses is not None and of_others is not None and of_others.low == 0.0:
             poses = replace(poses, low=0.0)
         depths, depth_maps = (_of_audit(evidence.audit, name, tracker) for name in (DEPTHS, DEPTH_MAPS))
         causes = {
@@ -407,17 +407,17 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
             TruthCause.depths: depths if depths is None or depth_maps is None else depths.at_least(depth_maps),
             TruthCause.poses: poses,
         }
-        known = {cause: _UNKNOWN if share is None else share for cause, share in causes.items()}
-        if size.is_core or _UNKNOWN not in known.values():
-            found.append(_Bounds(tracker, size, known, _bound(known), depth_maps, is_alone=others is None))
+        shares = {cause: _UNKNOWN if share is None else share for cause, share in causes.items()}
+        if size.is_core or _UNKNOWN not in shares.values():
+            bounds.append(_Bounds(tracker, size, shares, _bound(shares), depth_maps, is_alone=of_others is None))
         if (stated := size.stated_share) is not None:
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))
             if poses is not None:
-                by_poses.append(poses.low > max(stated, _least_of_motion(is_alone=others is None)))
-    if all(_UNKNOWN in one.causes.values() for one in found):
+                by_poses.append(poses.low > max(stated, _least_of_motion(is_alone=of_others is None)))
+    if all(_UNKNOWN in bound.causes.values() for bound in bounds):
         return []
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
-    return _common(found if is_faulty or is_refuted else [_as_stated(one) for one in found], evidence)
+    return _common(bounds if is_faulty or is_refuted else [_as_stated(bound) for bound in bounds], evidence)
 
 
 def _least_of_motion(*, is_alone: bool) -> float:
@@ -453,14 +453,14 @@ def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]
 
     None is smaller than what a cause surely explains of the tracker itself.
     """
-    squares = _squares(evidence.curves, [one.tracker for one in bounds])
+    squares = _squares(evidence.curves, [bound.tracker for bound in bounds])
     rows = evidence.audit.filter(family=str(Family.at_most), parameter=MOVED).drop_nulls("value")
     moved = dict(rows.select("component", "value").iter_rows())
     if not bounds or len(squares) < len(bounds):
         return list(bounds)
-    least = min(one.high * squares[one.tracker] for one in bounds)
+    least = min(bound.high * squares[bound.tracker] for bound in bounds)
     most = {name: factor * least / squares[name] for name, factor in moved.items() if name in squares}
-    return [replace(one, high=min(one.high, max(most.get(one.tracker, 1.0), one.least))) for one in bounds]
+    return [replace(bound, high=min(bound.high, max(most.get(bound.tracker, 1.0), bound.least))) for bound in bounds]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
@@ -478,13 +478,13 @@ def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
 def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequence[_Bounds], faults: _Named) -> _Found:
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
-        others = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
-        return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{others}", _correct_data(evidence))
+        further = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
+        return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{further}", _correct_data(evidence))
     if evidence.is_fitted:
-        known = f"{evidence.of_images} {_FITTED}".lstrip()
+        opening = f"{evidence.of_images} {_FITTED}".lstrip()
         compared = "" if evidence.is_check else " `tracknoise check` says how well poses fit the images."
-        return _Found(Trust.unknown, f"{known}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
-    worst = max(bounds, key=lambda one: one.high, default=None)
+        return _Found(Trust.unknown, f"{opening}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
+    worst = max(bounds, key=lambda bound: bound.high, default=None)
     if faults.share.value > SMALL and refutes(evidence.confirmed_share, faults.share.value):
         return _refuted(evidence)
     if faults.share.value > SMALL:
@@ -516,20 +516,20 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
     if worst.high > MOST and sure is not None and refutes(evidence.confirmed_share, worst.causes[sure].value):
         return _refuted(evidence)
     if worst.high > MOST and sure is not None:
-        of = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
+        share = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
         cause = TruthCause.any_fault if worst.is_like_fault else sure
-        text = f"{sentence_case(worst.established_text)} {of}.{noise}"
+        text = f"{sentence_case(worst.established_text)} {share}.{noise}"
         return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    known = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
+    of_faults = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
     step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
         nothing = "" if faults.rows else ", and nothing is established"
-        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{known}{noise}"
+        text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{of_faults}{noise}"
         return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults.rows or evidence.cautions or noise:
-        rest = f"{known}{noise}{_caution(evidence)}"
+        rest = f"{of_faults}{noise}{_caution(evidence)}"
         text = f"Errors of the truth can explain up to {part}.{size}{_of_causes(worst)}{rest}"
         return _Found(Trust.limited, text, step)
     stated = worst.size.stated_share
@@ -546,9 +546,9 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     step = _SMOOTH if noise else _correct_data(evidence) if evidence.cautions else _MORE_DATA
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
-    known = [share for share in stated if share is not None]
-    if known and len(known) == len(stated) and max(known) <= MOST:
-        text = f"Its stated errors can explain up to {percent(max(known))} of the squared errors. {why}{noise}{caution}"
+    parts = [share for share in stated if share is not None]
+    if parts and len(parts) == len(stated) and max(parts) <= MOST:
+        text = f"Its stated errors can explain up to {percent(max(parts))} of the squared errors. {why}{noise}{caution}"
         return _Found(Trust.limited, text, step)
     return _Found(Trust.unknown, f"{why}{noise}{caution}", step)
 
@@ -574,25 +574,25 @@ def _of_causes(bounds: _Bounds) -> str:
     """
     shares = {cause: share.value for cause, share in bounds.causes.items() if share.value > SMALL}
     causes = sorted(shares, key=shares.__getitem__, reverse=True)
-    said = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
+    texts = {**_CAUSES, **({bounds.established: bounds.established_text} if bounds.established else {})}
     if not causes and bounds.depth_maps is not None and bounds.are_depths_shown:
         return f" {sentence_case(_ESTABLISHED[TruthCause.depths])} {percent(bounds.depth_maps.value)}."
     if not causes and bounds.high < _bound(bounds.causes):
         return ""
     if not causes:
         return f" {sentence_case(_NAMES[bounds.largest])} have the largest part in this bound."
-    return "".join(f" {sentence_case(said[cause])} {percent(shares[cause])}." for cause in causes)
+    return "".join(f" {sentence_case(texts[cause])} {percent(shares[cause])}." for cause in causes)
 
 
 def _like_bias(audit: pl.DataFrame) -> str:
     """The faults that a bias of the trackers explains as well; begins with a space."""
     like = audit.filter(family=str(Family.alone), verdict=str(AuditVerdict.like_bias))["parameter"]
-    names = [f"the {FAULTS[Parameter(one)].name}" for one in like.unique(maintain_order=True)]
+    names = [f"the {FAULTS[Parameter(parameter)].name}" for parameter in like.unique(maintain_order=True)]
     if not names:
         return ""
-    first, *others = names
-    rest = [f" So does one of {name}." for name in others[:_MOST_OTHERS]]
-    more = " Others do too." if len(others) > len(rest) else ""
+    first, *other_names = names
+    rest = [f" So does one of {name}." for name in other_names[:_MOST_OTHERS]]
+    more = " Others do too." if len(other_names) > len(rest) else ""
     opening = f" An error of {first} fits, but cannot be distinguished from a bias of the trackers."
     return "".join([opening, *rest, more])
 
@@ -600,8 +600,8 @@ def _like_bias(audit: pl.DataFrame) -> str:
 def _in_px(bounds: _Bounds) -> str:
     """The same in px, as a sentence after a space; empty where the size is unknown."""
     size = bounds.size
-    of = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
-    return f" That is {pixels(sqrt(bounds.high) * size.px)} of {of}." if size.px > 0.0 else ""
+    size_text = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
+    return f" That is {pixels(sqrt(bounds.high) * size.px)} of {size_text}." if size.px > 0.0 else ""
 
 
 def _faults_text(faults: _Named) -> str:
@@ -638,9 +638,9 @@ def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> st
     """What would help against a cause; a stated accuracy is no help where it is known, or depth maps contradict it."""
     if cause is TruthCause.poses:
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
-        every = sorted(evidence.scene_shares.values())
-        if clearer is not None and len(every) > 1 and every[0] <= _CLEARER * every[len(every) // 2]:
-            return f"Measure {clearer} alone: poses explain {percent(max(every[0], 0.0))} there. {_POSES}"
+        shares = sorted(evidence.scene_shares.values())
+        if clearer is not None and len(shares) > 1 and shares[0] <= _CLEARER * shares[len(shares) // 2]:
+            return f"Measure {clearer} alone: poses explain {percent(max(shares[0], 0.0))} there. {_POSES}"
         return _POSES
     if cause is TruthCause.depths and _noise_text(evidence):
         return _SMOOTH
@@ -685,13 +685,13 @@ _STEPS: Mapping[TruthCause, str] = {
 
 def _rows(evidence: TruthEvidence, bounds: Sequence[_Bounds], faults: _Named) -> Iterator[dict[str, Any]]:
     """Shares of each tracker, then what is established for all."""
-    for one in bounds:
-        size = one.size
-        bound_px = sqrt(one.high) * size.px
-        of_tracker = {"tracker": one.tracker, "age": size.age, "error_px": size.px}
-        yield {"cause": TruthCause.every, "high": one.high, "bound_px": bound_px, **of_tracker}
+    for bound in bounds:
+        size = bound.size
+        bound_px = sqrt(bound.high) * size.px
+        of_tracker = {"tracker": bound.tracker, "age": size.age, "error_px": size.px}
+        yield {"cause": TruthCause.every, "high": bound.high, "bound_px": bound_px, **of_tracker}
         for cause in (TruthCause.poses, TruthCause.any_fault, TruthCause.depths):
-            yield {"cause": cause, **_columns(one.causes[cause]), "tracker": one.tracker}
+            yield {"cause": cause, **_columns(bound.causes[cause]), "tracker": bound.tracker}
         if size.stated_share is not None:
             yield {"cause": TruthCause.stated, "share": size.stated_share, "bound_px": size.stated_px, **of_tracker}
     if faults.rows:

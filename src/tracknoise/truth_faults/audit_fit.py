@@ -57,11 +57,11 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Predicted
     free, limit = columns_of(parameters), furthest(parameters)
     biases = _bias_columns(samples, with_bias=with_bias)
     ridge = 1.0 / np.concatenate([limit, np.full(biases.shape[2], _FURTHEST_BIAS_PX)]) ** 2
-    there, beta = start, np.zeros(biases.shape[2])
+    predicted, beta = start, np.zeros(biases.shape[2])
     for steps in range(_STEPS + 1):
-        error = samples.observed - there.uv
-        design = np.concatenate([there.by(parameters), biases], axis=2)
-        state = _State(there.theta, beta, error, error - biases @ beta, design)
+        error = samples.observed - predicted.uv
+        design = np.concatenate([predicted.by(parameters), biases], axis=2)
+        state = _State(predicted.theta, beta, error, error - biases @ beta, design)
         if steps == _STEPS:
             break
         step, information = _solved(samples, state, ridge)
@@ -70,7 +70,7 @@ def fit(samples: AuditSamples, parameters: Sequence[Parameter], start: Predicted
             break
         theta = state.theta.copy()
         theta[free] = np.clip(theta[free] + step[: len(free)], -limit, limit)
-        there, beta = predict(samples, theta, there), state.beta + step[len(free) :]
+        predicted, beta = predict(samples, theta, predicted), state.beta + step[len(free) :]
     scale = scales(samples.group, state.residual)
     equations = normal_equations(samples.tracker, samples.cluster, state.design, state.residual, scale, ridge)
     slopes = state.design[:, :, : len(free)].copy()
@@ -167,8 +167,8 @@ def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: fl
     if len(base) < 2 or not base.sum() > 0.0:
         return Gain(0.0, 0.0, 0.0)
     value = 1.0 - float(corrected.sum() / base.sum())
-    others = np.maximum(base.sum() - base, 1e-300)
-    without = 1.0 - (corrected.sum() - corrected) / others
+    of_others = np.maximum(base.sum() - base, 1e-300)
+    without = 1.0 - (corrected.sum() - corrected) / of_others
     half = jackknife_half_width(without, level)
     return Gain(value, value - half, min(value + half, 1.0))
 
@@ -297,20 +297,20 @@ def second_moments(samples: AuditSamples, errors: Mapping[str, NDArray[np.float6
 
 def _inliers(samples: AuditSamples, errors: Mapping[str, NDArray[np.float64]]) -> NDArray[np.bool_]:
     """Observations that are known for every correction, and are no outliers after the last."""
-    known = np.asarray(np.logical_and.reduce([np.isfinite(error).all(axis=1) for error in errors.values()]))
+    is_known = np.asarray(np.logical_and.reduce([np.isfinite(error).all(axis=1) for error in errors.values()]))
     last = list(errors.values())[-1]
     length = np.hypot(last[:, 0], last[:, 1])
-    return np.asarray(known & (length <= _CORES * _medians(samples, length, known)))
+    return np.asarray(is_known & (length <= _CORES * _medians(samples, length, is_known)))
 
 
-def _medians(samples: AuditSamples, length: NDArray[np.float64], known: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _medians(samples: AuditSamples, length: NDArray[np.float64], is_known: NDArray[np.bool_]) -> NDArray[np.float64]:
     """Median length of the errors of the same tracker and age, (n,)."""
-    found = np.zeros(len(length))
+    medians = np.zeros(len(length))
     for group in np.unique(samples.group).tolist():
         rows = samples.group == group
-        chosen = length[rows & known]
-        found[rows] = np.median(chosen) if len(chosen) else 0.0
-    return found
+        chosen = length[rows & is_known]
+        medians[rows] = np.median(chosen) if len(chosen) else 0.0
+    return medians
 
 
 def _moments(error: NDArray[np.float64]) -> dict[str, float | int]:

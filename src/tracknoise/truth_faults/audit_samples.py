@@ -80,8 +80,8 @@ class Paths:
         first = np.searchsorted(sequence, sequence, side="left")
         last = np.searchsorted(sequence, sequence, side="right") - 1
         rotation, position = poses[:, :3, :3], poses[:, :3, 3]
-        known = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
-        between = np.flatnonzero(known[:-1] & known[1:] & (sequence[:-1] == sequence[1:]))
+        has_pose = np.asarray(np.isfinite(poses).all(axis=(1, 2)))
+        between = np.flatnonzero(has_pose[:-1] & has_pose[1:] & (sequence[:-1] == sequence[1:]))
         span = (times[between + 1] - times[between])[:, None]
         turning, velocity = np.full((2, len(times), 3), np.nan)
         step = np.swapaxes(rotation[between], 1, 2) @ rotation[between + 1]
@@ -89,17 +89,17 @@ class Paths:
         velocity[between] = (position[between + 1] - position[between]) / span
         place = np.arange(len(times))
         before, after = (np.clip(side, first, last - 1) for side in (place - 1, place))
-        turn, move = (0.5 * (one[before] + one[after]) for one in (turning, velocity))
-        posed = _ends(np.where(known, times, np.nan), first)
+        turn, move = (0.5 * (rate[before] + rate[after]) for rate in (turning, velocity))
+        posed = _ends(np.where(has_pose, times, np.nan), first)
         paths = cls(times, first, last, posed, rotation, position, turning, velocity, turn, move, np.empty((0, 2, 3)))
         return replace(paths, bend=_bend(paths))
 
     @property
     def surrounded(self) -> NDArray[np.bool_]:
         """Whether the frame and its neighbours in its sequence have poses, (frames,); never in one of one frame."""
-        place, known = np.arange(len(self.times)), np.isfinite(self.turning[:, 0])
+        place, has_rate = np.arange(len(self.times)), np.isfinite(self.turning[:, 0])
         before, after = np.maximum(place - 1, 0), place
-        ends = (known[before] | (place == self.first)) & (known[after] | (place == self.last))
+        ends = (has_rate[before] | (place == self.first)) & (has_rate[after] | (place == self.last))
         return np.asarray(ends & (self.first < self.last))
 
     @property
@@ -151,43 +151,44 @@ class Paths:
         """First of the two frames around each time. Sequences are laid out one after the other on one axis of time."""
         if not np.any(delay):
             return np.clip(frame, self.first[frame], self.last[frame] - 1)
-        own = self.times - self.times[self.first]
-        span = float(own.max(initial=0.0)) + 1.0
+        since_first = self.times - self.times[self.first]
+        span = float(since_first.max(initial=0.0)) + 1.0
         ahead = float(np.nanmax(np.abs(delay), initial=0.0))
         apart = (span + 2.0 * ahead) * (np.cumsum(self.first == np.arange(len(self.first))) - 1)
-        found = np.searchsorted(own + apart, own[frame] + apart[frame] + delay, side="right") - 1
-        return np.clip(found, self.first[frame], self.last[frame] - 1)
+        segment = np.searchsorted(since_first + apart, since_first[frame] + apart[frame] + delay, side="right") - 1
+        return np.clip(segment, self.first[frame], self.last[frame] - 1)
 
 
-def _ends(known: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
+def _ends(times: NDArray[np.float64], first: NDArray[np.intp]) -> NDArray[np.float64]:
     """First and last of the known times of the sequence of each frame, (frames, 2); 0 where it has none."""
     starts, place = np.unique(first, return_inverse=True)
     if not starts.size:
         return np.empty((0, 2))
-    ends = np.stack([np.fmin.reduceat(known, starts), np.fmax.reduceat(known, starts)], axis=1)
+    ends = np.stack([np.fmin.reduceat(times, starts), np.fmax.reduceat(times, starts)], axis=1)
     return np.asarray(np.nan_to_num(ends[place]))
 
 
 def _bend(paths: Paths) -> NDArray[np.float64]:
     """See `Paths.bend`. A step to where no pose is known is taken as that on the other side; without both it is 0."""
-    every = np.arange(len(paths.times))
-    if not every.size:
+    frames = np.arange(len(paths.times))
+    if not frames.size:
         return np.empty((0, 2, 3))
-    before, after = (paths.at(every, np.full(len(every), delay)) for delay in (-1.0, 1.0))
+    before, after = (paths.at(frames, np.full(len(frames), delay)) for delay in (-1.0, 1.0))
     turns = [steps(before.rotation, paths.rotation), steps(paths.rotation, after.rotation)]
     moves = [paths.position - before.position, after.position - paths.position]
     (turn, next_turn), (move, next_move) = (
-        (np.where(np.isnan(one), other, one), np.where(np.isnan(other), one, other)) for one, other in (turns, moves)
+        (np.where(np.isnan(earlier), later, earlier), np.where(np.isnan(later), earlier, later))
+        for earlier, later in (turns, moves)
     )
     return np.asarray(np.nan_to_num(np.stack([next_turn - turn, next_move - move], axis=1)))
 
 
 def steps(start: NDArray[np.float64], end: NDArray[np.float64]) -> NDArray[np.float64]:
     """Rotation vectors (n, 3) from rotations to others, both (n, 3, 3); NaN where either is unknown."""
-    found = np.full((len(start), 3), np.nan)
-    known = np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
-    found[known] = _rotation_vectors(np.swapaxes(start[known], 1, 2) @ end[known])
-    return found
+    vectors = np.full((len(start), 3), np.nan)
+    is_known = np.isfinite(start).all(axis=(1, 2)) & np.isfinite(end).all(axis=(1, 2))
+    vectors[is_known] = _rotation_vectors(np.swapaxes(start[is_known], 1, 2) @ end[is_known])
+    return vectors
 
 
 _NEAR_IDENTITY = 0.5
@@ -352,9 +353,9 @@ class AuditSamples:
         """Some of the observations, whose clusters and blocks are numbered again without gaps."""
         names = ["tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth"]
         names += ["depth_sd"] if self.depth_sd is not None else []
-        some = {name: getattr(self, name)[rows] for name in names}
+        columns = {name: getattr(self, name)[rows] for name in names}
         cluster, block = _numbered(self.cluster[rows]), _numbered(self.block[rows])
-        return replace(self, cluster=cluster, block=block, **some)
+        return replace(self, cluster=cluster, block=block, **columns)
 
 
 def _numbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
@@ -404,8 +405,8 @@ def in_order(frames: NDArray[np.float64], others: NDArray[np.float64]) -> tuple[
 
 def _matrices(table: pl.DataFrame) -> NDArray[np.float64]:
     """(n, 4, 4): NaN where a row has no pose."""
-    known = table["qw"].is_not_null().to_numpy()
+    has_pose = table["qw"].is_not_null().to_numpy()
     poses = np.full((table.height, 4, 4), np.nan)
     rows = table.filter(pl.col("qw").is_not_null())
-    poses[known] = from_quaternion(rows.select(_POSITION).to_numpy(), rows.select(_QUATERNION).to_numpy())
+    poses[has_pose] = from_quaternion(rows.select(_POSITION).to_numpy(), rows.select(_QUATERNION).to_numpy())
     return poses

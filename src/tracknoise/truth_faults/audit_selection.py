@@ -122,8 +122,8 @@ class Basis:
         """Fit what has been named so far."""
         fitted = fit(samples, parameters, start, with_bias=with_bias)
         resampled = ResampledFit.of(samples, fitted)
-        there = predict(samples, fitted.theta) if parameters else start
-        return cls(resampled, there, scales(samples.group, resampled.residual))
+        predicted = predict(samples, fitted.theta) if parameters else start
+        return cls(resampled, predicted, scales(samples.group, resampled.residual))
 
     @property
     def fitted(self) -> Fit:
@@ -257,8 +257,8 @@ class Stage:
 
     def passes(self, parameter: Parameter) -> bool:
         """Whether a parameter is significant, possible and explains enough, whatever single trackers say."""
-        found = self.assessed.get(parameter)
-        return found is not None and self.is_significant(parameter) and found.explains
+        assessment = self.assessed.get(parameter)
+        return assessment is not None and self.is_significant(parameter) and assessment.explains
 
     def is_significant(self, parameter: Parameter) -> bool:
         """Whether a parameter is not zero, and is possible."""
@@ -271,10 +271,18 @@ class Stage:
         Left out are those that surely explain less than the one that explains most. Of equal numbers, the one that
         explains more is named.
         """
-        agreed = [one for name, one in self.assessed.items() if self.passes(name) and one.is_agreed]
-        most = max(agreed, key=lambda one: one.gain.value, default=None)
-        like_it = [one for one in agreed if most is one or (most and most.gain_beyond(one).low <= 0.0)]
-        return min(like_it, key=lambda one: (FAULTS[one.parameter].count, -one.gain.value), default=None)
+        agreed = [
+            assessment for name, assessment in self.assessed.items() if self.passes(name) and assessment.is_agreed
+        ]
+        most = max(agreed, key=lambda assessment: assessment.gain.value, default=None)
+        like_it = [
+            assessment
+            for assessment in agreed
+            if most is assessment or (most and most.gain_beyond(assessment).low <= 0.0)
+        ]
+        return min(
+            like_it, key=lambda assessment: (FAULTS[assessment.parameter].count, -assessment.gain.value), default=None
+        )
 
 
 @dataclass(frozen=True)
@@ -341,26 +349,26 @@ def available(samples: AuditSamples) -> tuple[Parameter, ...]:
     left_out = set() if has_k1(samples.cameras) else {Parameter.k1}
     if samples.z_depth_from is not None:
         left_out.add(Parameter.ray_depth)
-    return tuple(one for one in Parameter if one not in left_out)
+    return tuple(parameter for parameter in Parameter if parameter not in left_out)
 
 
 def select(samples: AuditSamples) -> Selection:
     """Name faults one after the other, until none is left that passes."""
-    start, every = predict(samples, np.zeros(COUNT)), available(samples)
-    stages = [_stage(samples, Basis.of(samples, (), start, with_bias=True), every)]
+    start, parameters = predict(samples, np.zeros(COUNT)), available(samples)
+    stages = [_stage(samples, Basis.of(samples, (), start, with_bias=True), parameters)]
     while (best := stages[-1].best) is not None and len(stages) <= MOST_NAMED:
-        there = predict(samples, best.fitted.theta)
-        stages.append(_stage(samples, Basis.of(samples, best.fitted.parameters, there, with_bias=True), every))
-    alone = _stage(samples, Basis.of(samples, (), start, with_bias=False), every)
+        predicted = predict(samples, best.fitted.theta)
+        stages.append(_stage(samples, Basis.of(samples, best.fitted.parameters, predicted, with_bias=True), parameters))
+    alone = _stage(samples, Basis.of(samples, (), start, with_bias=False), parameters)
     final = _final(samples, stages[-1].basis)
     named = [_named(samples, stage, with_bias=final.fitted.with_bias) for stage in stages[:-1]]
     return Selection(stages[0], alone, stages[-1], named, final)
 
 
-def _stage(samples: AuditSamples, basis: Basis, every: Sequence[Parameter]) -> Stage:
-    left = [one for one in every if one not in basis.fitted.parameters]
-    assessed = {one: assess(samples, basis, one) for one in left}
-    adjusted = holm(np.array([assessed[one].p for one in left])).tolist()
+def _stage(samples: AuditSamples, basis: Basis, parameters: Sequence[Parameter]) -> Stage:
+    left = [parameter for parameter in parameters if parameter not in basis.fitted.parameters]
+    assessed = {parameter: assess(samples, basis, parameter) for parameter in left}
+    adjusted = holm(np.array([assessed[parameter].p for parameter in left])).tolist()
     return Stage(basis, assessed, dict(zip(left, adjusted, strict=True)))
 
 
@@ -374,15 +382,15 @@ def _named(samples: AuditSamples, stage: Stage, *, with_bias: bool) -> Named:
 
 def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias: bool) -> dict[Parameter, float]:
     """Parameters that pass too, explain about as much, and leave nothing for the best, with condition numbers."""
-    found = {}
-    for name, other in stage.assessed.items():
-        if name is not best.parameter and stage.passes(name) and best.gain_beyond(other).low <= 0.0:
-            there = predict(samples, other.fitted.theta)
-            basis = Basis.of(samples, other.fitted.parameters, there, with_bias=with_bias)
+    rivals = {}
+    for name, rival in stage.assessed.items():
+        if name is not best.parameter and stage.passes(name) and best.gain_beyond(rival).low <= 0.0:
+            predicted = predict(samples, rival.fitted.theta)
+            basis = Basis.of(samples, rival.fitted.parameters, predicted, with_bias=with_bias)
             beside = assess(samples, basis, best.parameter)
             if beside.gain.value < MARGIN:
-                found[name] = condition_number(beside.fitted.equations)
-    return found
+                rivals[name] = condition_number(beside.fitted.equations)
+    return rivals
 
 
 def _reported_fit(samples: AuditSamples, best: Assessment, *, with_bias: bool) -> ResampledFit:
@@ -422,58 +430,60 @@ def _largest(parameter: Parameter) -> float:
     return 1.0 if FAULTS[parameter].is_kind else FAULTS[parameter].furthest
 
 
-def _tested(found: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
+def _tested(resampled: ResampledFit, places: NDArray[np.intp], alpha: float) -> NDArray[np.float64]:
     """Size of each number at which Hotelling's test of all at level alpha is passed with the probability `POWER`."""
-    k, n, moves = len(places), found.moves.effective(places), found.moves
+    k, n, moves = len(places), resampled.moves.effective(places), resampled.moves
     if n <= k:
         return np.full(k, np.inf)
     limit = np.sqrt(special.fdtri(k, n - k, 1.0 - alpha) * k * (n - 1) / (n - k))
     return np.asarray((limit + special.stdtrit(moves.freedom[places], POWER)) * moves.standard_errors[places])
 
 
-def _by_interval(one: Assessment) -> NDArray[np.float64]:
+def _by_interval(assessment: Assessment) -> NDArray[np.float64]:
     """Size of each number at which its interval excludes zero with the probability `POWER`."""
-    moves = one.resampled.moves
+    moves = assessment.resampled.moves
     reach = special.stdtrit(moves.freedom, 0.5 + 0.5 * LEVEL) + special.stdtrit(moves.freedom, POWER)
-    return np.asarray(reach * moves.standard_errors)[one.places]
+    return np.asarray(reach * moves.standard_errors)[assessment.places]
 
 
-def _explaining(one: Assessment) -> NDArray[np.float64]:
+def _explaining(assessment: Assessment) -> NDArray[np.float64]:
     """Least size of an error of each number whose correction explains enough, whatever its sign."""
-    inverse = np.linalg.inv(one.fitted.equations.information)[:, one.places]
-    fields = np.nan_to_num(design_of(one.tested.samples, one.fitted)) @ (inverse / np.diagonal(inverse[one.places]))
-    without = _without_errors(one)
-    return np.array([_least(one, without, field) for field in np.moveaxis(fields, 2, 0)])
+    inverse = np.linalg.inv(assessment.fitted.equations.information)[:, assessment.places]
+    fields = np.nan_to_num(design_of(assessment.tested.samples, assessment.fitted)) @ (
+        inverse / np.diagonal(inverse[assessment.places])
+    )
+    without = _without_errors(assessment)
+    return np.array([_least(assessment, without, field) for field in np.moveaxis(fields, 2, 0)])
 
 
-def _least(one: Assessment, without: NDArray[np.float64], field: NDArray[np.float64]) -> float:
+def _least(assessment: Assessment, without: NDArray[np.float64], field: NDArray[np.float64]) -> float:
     """Least size of an error, of which one of size 1 changes residuals by a field (n, 2)."""
-    high = _largest(one.parameter)
+    high = _largest(assessment.parameter)
     low = _START * high
-    if not _explains(one, without, high * field):
+    if not _explains(assessment, without, high * field):
         return np.inf
     for _ in range(_TRIALS):
         middle = float(np.sqrt(low * high))
-        low, high = (low, middle) if _explains(one, without, middle * field) else (middle, high)
+        low, high = (low, middle) if _explains(assessment, without, middle * field) else (middle, high)
     return high
 
 
-def _without_errors(one: Assessment) -> NDArray[np.float64]:
+def _without_errors(assessment: Assessment) -> NDArray[np.float64]:
     """Held-out residuals of the basis, (n, 2), px, without what the correction explains of them."""
-    basis = one.basis.resampled.like(one.tested)
-    return np.asarray(basis.residual + one.fitted.residual - one.basis.fitted.residual)
+    basis = assessment.basis.resampled.like(assessment.tested)
+    return np.asarray(basis.residual + assessment.fitted.residual - assessment.basis.fitted.residual)
 
 
-def _explains(one: Assessment, without: NDArray[np.float64], errors: NDArray[np.float64]) -> bool:
+def _explains(assessment: Assessment, without: NDArray[np.float64], errors: NDArray[np.float64]) -> bool:
     """Whether the correction of errors (n, 2), px, of either sign would explain enough."""
-    return all(is_enough(_gain(one, without + sign * errors)) for sign in (-1.0, 1.0))
+    return all(is_enough(_gain(assessment, without + sign * errors)) for sign in (-1.0, 1.0))
 
 
-def _gain(one: Assessment, wrong: NDArray[np.float64]) -> Gain:
+def _gain(assessment: Assessment, wrong: NDArray[np.float64]) -> Gain:
     """What the correction would explain of residuals (n, 2), px."""
-    samples = one.tested.samples
+    samples = assessment.tested.samples
     scale = scales(samples.group, wrong)
-    return gain(one.tested.losses(scale), losses(samples, wrong, scale), level=LEVEL)
+    return gain(assessment.tested.losses(scale), losses(samples, wrong, scale), level=LEVEL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -501,10 +511,10 @@ class Judged:
 
 def judge(selection: Selection) -> list[Judged]:
     """Verdicts on all parameters: named faults first, in their order."""
-    names = [one.parameter for one in selection.named]
+    names = [fault.parameter for fault in selection.named]
     faults = [
-        Judged(one.parameter, AuditVerdict.fault, rank, _condition(one.assessment), visible_above(one.assessment))
-        for rank, one in enumerate(selection.named, start=1)
+        Judged(fault.parameter, AuditVerdict.fault, rank, _condition(fault.assessment), visible_above(fault.assessment))
+        for rank, fault in enumerate(selection.named, start=1)
     ]
     return faults + [_judged(selection, name) for name in selection.beside_bias.assessed if name not in names]
 
@@ -534,11 +544,11 @@ def _verdict(selection: Selection, name: Parameter, visible: NDArray[np.float64]
     return AuditVerdict.undetermined if _is_wide(last.assessed[name], visible) else AuditVerdict.none
 
 
-def _is_wide(one: Assessment, visible: NDArray[np.float64]) -> bool:
+def _is_wide(assessment: Assessment, visible: NDArray[np.float64]) -> bool:
     """Whether the data would not show a change worth correcting, or no change that is tried."""
-    plausible = FAULTS[one.parameter].plausible
-    return bool(np.any(one.half_widths > plausible) or np.any(np.isinf(visible)))
+    plausible = FAULTS[assessment.parameter].plausible
+    return bool(np.any(assessment.half_widths > plausible) or np.any(np.isinf(visible)))
 
 
-def _condition(one: Assessment) -> float:
-    return condition_number(one.fitted.equations)
+def _condition(assessment: Assessment) -> float:
+    return condition_number(assessment.fitted.equations)

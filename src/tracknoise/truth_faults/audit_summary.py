@@ -50,8 +50,8 @@ def usual_mistakes(audit: pl.DataFrame) -> list[str]:
         Table `tracknoise.tables.findings_schema.AUDIT`; may be empty.
     """
     together = audit.filter(family=str(Family.named))
-    found = [row["parameter"] for row in together.iter_rows(named=True) if _is_usual(row)]
-    alone = audit.filter(family=str(Family.alone)).filter(pl.col("parameter").is_in(found))
+    usual = [row["parameter"] for row in together.iter_rows(named=True) if _is_usual(row)]
+    alone = audit.filter(family=str(Family.alone)).filter(pl.col("parameter").is_in(usual))
     return alone.drop_nulls("rank").sort("rank")["text"].to_list()
 
 
@@ -110,28 +110,28 @@ def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mappi
     return f"{_claim(parameter, found)}: {effect}.{_advice(parameter, found)}{_rivals_text(rivals)}"
 
 
-def _advice(parameter: Parameter, found: Estimate) -> str:
+def _advice(parameter: Parameter, fitted: Estimate) -> str:
     """What a reader who corrects the fault has to know; empty where its name says it."""
     if parameter is Parameter.depth_scale:
-        length = "short" if float(found.values[0]) < 1.0 else "long"
+        length = "short" if float(fitted.values[0]) < 1.0 else "long"
         return f" A path that is too {length} by the same factor is the same fault."
     if parameter is Parameter.smoothing:
         use = "the poses as they were before the filter"
-        return f" No setting undoes this: use {use if float(found.values[0]) > 0.0 else f'smoother poses, or {use}'}."
+        return f" No setting undoes this: use {use if float(fitted.values[0]) > 0.0 else f'smoother poses, or {use}'}."
     if parameter is Parameter.rotation_delay:
         return " No setting undoes this: make poses whose rotations and positions have one clock."
     return ""
 
 
-def _claim(parameter: Parameter, found: Estimate) -> str:
-    frames = whole_frames(*found.in_fit_units) if parameter is Parameter.clock_offset else 0
-    opening = _opening(parameter, found.shown.stated[0], float(found.values[0]), frames)
+def _claim(parameter: Parameter, fitted: Estimate) -> str:
+    frames = whole_frames(*fitted.in_fit_units) if parameter is Parameter.clock_offset else 0
+    opening = _opening(parameter, fitted.shown.stated[0], float(fitted.values[0]), frames)
     if parameter is Parameter.ray_depth:
-        return f"{opening} (share {found.text} instead of 0)"
+        return f"{opening} (share {fitted.text} instead of 0)"
     if parameter is Parameter.rotation_delay:
-        return f"{opening} (late by {found.text} about the axes of the camera)"
-    shown = f"clock offset {found.text}" if frames else found.text
-    return f"{opening} ({shown} instead of {found.stated})"
+        return f"{opening} (late by {fitted.text} about the axes of the camera)"
+    shown = f"clock offset {fitted.text}" if frames else fitted.text
+    return f"{opening} ({shown} instead of {fitted.stated})"
 
 
 def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> str:
@@ -183,13 +183,13 @@ def _frames_off(row: Mapping[str, Any]) -> int:
 
 def like_text(others: Sequence[Parameter], together: Estimate) -> str:
     """`` Fitted together with the clock offset of the poses, it is 28 ± 7 ms.``, after another sentence."""
-    return f" Fitted together with {listing([f'the {FAULTS[one].name}' for one in others])}, it is {together.text}."
+    return f" Fitted together with {listing([f'the {FAULTS[name].name}' for name in others])}, it is {together.text}."
 
 
 def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
     if not rivals:
         return ""
-    names = listing([f"the {FAULTS[one].name}" for one in rivals], joint="or")
+    names = listing([f"the {FAULTS[rival].name}" for rival in rivals], joint="or")
     largest = number(max(rivals.values()), digits=2)
     return f" An error of {names} cannot be distinguished from it here (condition number {largest})."
 
@@ -197,18 +197,18 @@ def _rivals_text(rivals: Mapping[Parameter, float]) -> str:
 def effect_text(curves: pl.DataFrame, before: str, correction: str) -> str:
     """What a correction does at the largest age: to the mean error, or to the second moment where that changes more."""
     earlier = curves.filter(pl.col("n") >= _LEAST_AT_AGE, correction=before)
-    both = earlier.join(curves.filter(correction=correction), on=["tracker", "age"], suffix="_after")
-    if both.is_empty():
+    compared = earlier.join(curves.filter(correction=correction), on=["tracker", "age"], suffix="_after")
+    if compared.is_empty():
         return "corrected, the errors become smaller"
-    oldest = both.filter(pl.col("age") == pl.col("age").max())
+    oldest = compared.filter(pl.col("age") == pl.col("age").max())
     mean, second = _mean_text(oldest), _second_text(oldest)
     return f"corrected{'' if before == MEASURED else ' as well'}, {mean or second}"
 
 
 def _mean_text(rows: pl.DataFrame) -> str | None:
     """The mean error that is largest before the correction, if the correction halves it."""
-    found = [(abs(row[f"mean_{axis}_px"]), axis, row) for row in rows.iter_rows(named=True) for axis in "uv"]
-    size, axis, row = max(found, key=lambda one: one[0])
+    sizes = [(abs(row[f"mean_{axis}_px"]), axis, row) for row in rows.iter_rows(named=True) for axis in "uv"]
+    size, axis, row = max(sizes, key=lambda entry: entry[0])
     after = row[f"mean_{axis}_px_after"]
     if size < 0.1 or abs(after) > 0.5 * size:
         return None
@@ -249,8 +249,8 @@ def other_text(
     if verdict == AuditVerdict.explained:
         return _explained_text([parameter], named)
     if verdict == AuditVerdict.small:
-        other = f"{found.text} instead of {found.stated}"
-        return f"The {name} fits a little better as {other}, but this explains too little to matter."
+        estimate_text = f"{found.text} instead of {found.stated}"
+        return f"The {name} fits a little better as {estimate_text}, but this explains too little to matter."
     if verdict == AuditVerdict.undetermined and found.excludes_stated:
         return f"The {name} looks wrong ({found.text} instead of {found.stated}), but that is not established."
     if verdict == AuditVerdict.undetermined:
@@ -263,9 +263,9 @@ def other_text(
 
 
 def _explained_text(parameters: Sequence[Parameter], named: Sequence[Parameter]) -> str:
-    about, others = (listing([f"the {FAULTS[one].name}" for one in some]) for some in (parameters, named))
+    about, faults = (listing([f"the {FAULTS[parameter].name}" for parameter in group]) for group in (parameters, named))
     verb = "is" if len(named) == 1 else "are"
-    return f"T{about[1:]} looked wrong, but this is no longer established once {others} {verb} corrected."
+    return f"T{about[1:]} looked wrong, but this is no longer established once {faults} {verb} corrected."
 
 
 def kind_not_tried(z_depth_from: str) -> str:
@@ -317,33 +317,33 @@ def joined(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, An
     Exact, but for offsets of depths that were found where depths were corrected to be along the ray already: they are
     taken along the ray too. Returns: without those that change nothing.
     """
-    both = {name: _added(name, present, found) for name in (*found, *(name for name in present if name not in found))}
-    if {_SCALE, _OFFSET, _INVERSE} & both.keys():
-        both |= _bent(present, found)
-    if _DRIFT in both:
-        both |= _timed(present, found)
-    if {_TURNED, _MOVED} & both.keys():
-        both |= _mounted(present, found)
-    return {name: value for name, value in both.items() if not _is_neutral(name, value)}
+    merged = {name: _added(name, present, found) for name in (*found, *(name for name in present if name not in found))}
+    if {_SCALE, _OFFSET, _INVERSE} & merged.keys():
+        merged |= _bent(present, found)
+    if _DRIFT in merged:
+        merged |= _timed(present, found)
+    if {_TURNED, _MOVED} & merged.keys():
+        merged |= _mounted(present, found)
+    return {name: value for name, value in merged.items() if not _is_neutral(name, value)}
 
 
 def _added(name: str, present: Mapping[str, Any], found: Mapping[str, Any]) -> Any:
     if name not in present or name not in found:
         return found.get(name, present.get(name))
-    one, other = present[name], found[name]
-    if isinstance(one, bool):
-        return one or other
+    first, second = present[name], found[name]
+    if isinstance(first, bool):
+        return first or second
     if name in _FACTORS:
-        return one * other
-    return np.add(one, other).tolist()
+        return first * second
+    return np.add(first, second).tolist()
 
 
 def _mounted(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, list[float]]:
     """M1 M2: rotation vector, degrees, and position, metres."""
     nothing = [0.0, 0.0, 0.0]
-    one, other = (Rotation.from_rotvec(part.get(_TURNED, nothing), degrees=True) for part in (present, found))
-    moved = np.add(present.get(_MOVED, nothing), one.apply(found.get(_MOVED, nothing)))
-    return {_TURNED: (one * other).as_rotvec(degrees=True).tolist(), _MOVED: moved.tolist()}
+    first, second = (Rotation.from_rotvec(part.get(_TURNED, nothing), degrees=True) for part in (present, found))
+    moved = np.add(present.get(_MOVED, nothing), first.apply(found.get(_MOVED, nothing)))
+    return {_TURNED: (first * second).as_rotvec(degrees=True).tolist(), _MOVED: moved.tolist()}
 
 
 def _bent(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, float]:
@@ -361,7 +361,7 @@ def _bending(corrections: Mapping[str, Any]) -> NDArray[np.float64]:
 
 def _timed(present: Mapping[str, Any], found: Mapping[str, Any]) -> dict[str, float]:
     """Offset and drift of the clock. The middle of the poses is that of the corrected poses for those found."""
-    (offset, drift), (more, growth) = ((one.get(_CLOCK, 0.0), one.get(_DRIFT, 0.0)) for one in (present, found))
+    (offset, drift), (more, growth) = ((part.get(_CLOCK, 0.0), part.get(_DRIFT, 0.0)) for part in (present, found))
     return {_CLOCK: offset * (1.0 + growth) + more * (1.0 + drift), _DRIFT: drift + growth + drift * growth}
 
 
@@ -413,15 +413,15 @@ def audit_sentences(audit: pl.DataFrame, *, every: bool = False) -> list[str]:
     about = audit.filter(pl.col("family") == Family.alone).unique("parameter", keep="first", maintain_order=True)
     named = about.filter(pl.col("rank").is_not_null()).sort("rank")
     faults = named["text"].to_list()
-    others = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(one) for one in _REPORTED]))
+    rest = pl.col("rank").is_null() & (pl.lit(every) | pl.col("verdict").is_in([str(verdict) for verdict in _REPORTED]))
     shared = [] if every else [*_explained(about, named), *_undetermined(about)]
-    return [*(faults or [NO_FAULT]), *about.filter(others)["text"].to_list(), *shared]
+    return [*(faults or [NO_FAULT]), *about.filter(rest)["text"].to_list(), *shared]
 
 
 def _explained(about: pl.DataFrame, named: pl.DataFrame) -> list[str]:
     """A sentence that names the parameters that the faults explain; none where there are none."""
     explained = about.filter(verdict=str(AuditVerdict.explained))
-    parameters, faults = ([Parameter(one) for one in some["parameter"]] for some in (explained, named))
+    parameters, faults = ([Parameter(name) for name in table["parameter"]] for table in (explained, named))
     return [_explained_text(parameters, faults)] if parameters else []
 
 
@@ -431,7 +431,7 @@ def _undetermined(about: pl.DataFrame) -> list[str]:
     if not names:
         return []
     verb = "is" if len(names) == 1 else "are"
-    return [f"Whether {listing(f'the {FAULTS[one].name}' for one in names)} {verb} right cannot be determined here."]
+    return [f"Whether {listing(f'the {FAULTS[name].name}' for name in names)} {verb} right cannot be determined here."]
 
 
 def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTINGS) -> str | None:
@@ -455,9 +455,9 @@ def corrections_toml(audit: pl.DataFrame, settings: Mapping[str, Any] = NO_SETTI
     if not undone:
         return None
     step = recorded_step(settings)
-    found = dict(_correction(Parameter(row["parameter"]), row, step) for row in undone)
-    every = joined(present_corrections(settings), found)
-    return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in every.items())])
+    corrections = dict(_correction(Parameter(row["parameter"]), row, step) for row in undone)
+    together = joined(present_corrections(settings), corrections)
+    return "\n".join(["[truth.corrections]", *(f"{name} = {_text(value)}" for name, value in together.items())])
 
 
 def _correction(parameter: Parameter, row: Mapping[str, Any], step: int) -> tuple[str, bool | float | list[float]]:

@@ -101,13 +101,13 @@ def read_samples(
     """
     if not tables:
         return "no sequence was measured upright and forward"
-    used = [one for one in tables if one.has_known_lens and not one.samples.is_empty()]
+    used = [audited for audited in tables if audited.has_known_lens and not audited.samples.is_empty()]
     if not used:
-        unknown = any(not one.has_known_lens for one in tables)
+        unknown = any(not audited.has_known_lens for audited in tables)
         return "the camera model is not known" if unknown else "it is fitted to the tracks, or none was followed"
-    if len({one.has_times for one in used}) == 2 and any(one.has_readout for one in used):
+    if len({audited.has_times for audited in used}) == 2 and any(audited.has_readout for audited in used):
         return "a readout in seconds is stated, and some recordings have timestamps while others have none"
-    names = sorted(set().union(*(one.samples["tracker"].unique() for one in used)))
+    names = sorted(set().union(*(audited.samples["tracker"].unique() for audited in used)))
     trackers = tuple(name for name in names if name not in without) or tuple(names)
     around = surrounded(_joined(used, trackers, groups))
     samples = _reproduced(around)
@@ -126,8 +126,8 @@ def enough(samples: AuditSamples, *, unlike: int = 0) -> AuditSamples | str:
 def _too_few(samples: AuditSamples, *, unlike: int) -> str:
     """Why there is no audit, where the stated positions of `unlike` observations are not those of poses and cameras."""
     clusters = counted(samples.n_clusters, "scene or block of tracks", "scenes or blocks of tracks")
-    found = f"only {counted(len(samples.age), 'observation')} in {clusters} can be used"
-    return f"{found}; poses and cameras of the run give other true positions of {unlike} more" if unlike else found
+    opening = f"only {counted(len(samples.age), 'observation')} in {clusters} can be used"
+    return f"{opening}; poses and cameras of the run give other true positions of {unlike} more" if unlike else opening
 
 
 def surrounded(samples: AuditSamples) -> AuditSamples:
@@ -146,18 +146,18 @@ def _reproduced(samples: AuditSamples) -> AuditSamples:
 
 def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: SceneGroups) -> AuditSamples:
     share = max(1, MOST_SAMPLES // (len(used) * len(trackers)))
-    parts = [_thinned(one.samples.filter(pl.col("tracker").is_in(trackers)), share) for one in used]
+    parts = [_thinned(audited.samples.filter(pl.col("tracker").is_in(trackers)), share) for audited in used]
     interval = _interval_s(used)
     timed = interval is not None
-    instants = [instants_of(one.cameras, one.poses, one.path if timed else None) for one in used]
-    lengths = [len(one.poses) for one in instants]
-    places = [start + one.place for start, one in zip(np.cumsum([0, *lengths[:-1]]), instants, strict=True)]
-    cameras, camera = _cameras(pl.concat([one.cameras for one in instants]))
+    instants = [instants_of(audited.cameras, audited.poses, audited.path if timed else None) for audited in used]
+    lengths = [len(instant.poses) for instant in instants]
+    places = [start + instant.place for start, instant in zip(np.cumsum([0, *lengths[:-1]]), instants, strict=True)]
+    cameras, camera = _cameras(pl.concat([instant.cameras for instant in instants]))
     unit = interval or 1.0
-    times = [one.cameras["time_s" if timed else "frame"].to_numpy() / unit for one in instants]
-    shutters = pl.concat([one.cameras.select("readout_s", "shutter_axis") for one in instants])
-    visits = [first_visits(one.poses[one.place]) for one in instants]
-    table = pl.concat([_in_blocks(*both) for both in zip(parts, visits, strict=True)])
+    times = [instant.cameras["time_s" if timed else "frame"].to_numpy() / unit for instant in instants]
+    shutters = pl.concat([instant.cameras.select("readout_s", "shutter_axis") for instant in instants])
+    visits = [first_visits(instant.poses[instant.place]) for instant in instants]
+    table = pl.concat([_in_blocks(*pair) for pair in zip(parts, visits, strict=True)])
     cluster, block, resampled, n_scenes = _clusters(table, groups)
     return AuditSamples(
         trackers=trackers,
@@ -174,11 +174,11 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         stated=table.select("u_true_px", "v_true_px").to_numpy(),
         depth=table["depth_m"].to_numpy(),
         depth_sd=np.concatenate(
-            [one.repeats.at(part["depth_m"].to_numpy()) for one, part in zip(used, parts, strict=True)]
+            [audited.repeats.at(part["depth_m"].to_numpy()) for audited, part in zip(used, parts, strict=True)]
         ),
         paths=Paths.of(
             np.concatenate(times),
-            np.concatenate([one.poses for one in instants]),
+            np.concatenate([instant.poses for instant in instants]),
             np.repeat(np.arange(len(used)), lengths),
         ),
         cameras=cameras,
@@ -205,19 +205,19 @@ def _z_depth_from(used: Sequence[AuditedTables]) -> str | None:
 
     A correction of the kind of depth holds for all sequences of a run, so that one of them rules it out.
     """
-    known = [one.z_depth_from for one in used if one.z_depth_from is not None]
-    if not known:
+    sources = [audited.z_depth_from for audited in used if audited.z_depth_from is not None]
+    if not sources:
         return None
-    text = listing(dict.fromkeys(known))
-    return text if len(known) == len(used) else f"{text}, in {len(known)} of {len(used)} sequences"
+    text = listing(dict.fromkeys(sources))
+    return text if len(sources) == len(used) else f"{text}, in {len(sources)} of {len(used)} sequences"
 
 
 def _interval_s(used: Sequence[AuditedTables]) -> float | None:
     """Median time between frames, seconds; None where times of a sequence are unknown."""
-    if not all(one.has_times for one in used):
+    if not all(audited.has_times for audited in used):
         return None
-    times = [one.cameras["time_s"] for one in used]
-    gaps = np.concatenate([np.diff(one.to_numpy()) for one in times])
+    times = [audited.cameras["time_s"] for audited in used]
+    gaps = np.concatenate([np.diff(time_s.to_numpy()) for time_s in times])
     return float(np.median(gaps)) if len(gaps) else 1.0
 
 
@@ -238,8 +238,8 @@ def _cameras(table: pl.DataFrame) -> tuple[tuple[KnownCamera, ...], NDArray[np.i
     columns = ["model", "width", "height", "fx_px", "fy_px", "cx_px", "cy_px", "distortion"]
     rows = [(*row[:-1], tuple(row[-1])) for row in table.select(columns).iter_rows()]
     places = {row: place for place, row in enumerate(dict.fromkeys(rows))}
-    made = tuple(make_camera(row[0], row[1:3], row[3:7], row[7]) for row in places)
-    return made, np.array([places[row] for row in rows], dtype=np.intp)
+    cameras = tuple(make_camera(row[0], row[1:3], row[3:7], row[7]) for row in places)
+    return cameras, np.array([places[row] for row in rows], dtype=np.intp)
 
 
 def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp], NDArray[np.intp], Resampled, int]:
@@ -254,7 +254,7 @@ def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp
     within = table["block"].to_numpy().astype(np.intp) // BLOCKS_JOINED
     block = scene * (int(within.max(initial=0)) + 1) + within
     number = {Resampled.groups: group[scene], Resampled.blocks: block}.get(resampled, scene)
-    cluster, block = (np.unique(one, return_inverse=True)[1].astype(np.intp) for one in (number, block))
+    cluster, block = (np.unique(labels, return_inverse=True)[1].astype(np.intp) for labels in (number, block))
     return cluster, block, resampled, len(scenes)
 
 
@@ -301,10 +301,10 @@ def _named_shares(samples: AuditSamples, selection: Selection) -> Iterator[Row]:
         return
     base, final = _base(selection), selection.final.resampled
     for number, tracker in enumerate(samples.trackers):
-        own = samples.tracker == number
-        if isinstance(enough(samples.chosen(np.flatnonzero(own))), str):
+        of_tracker = samples.tracker == number
+        if isinstance(enough(samples.chosen(np.flatnonzero(of_tracker))), str):
             continue
-        share = final.gain_beyond(base.resampled, base.scale, own)
+        share = final.gain_beyond(base.resampled, base.scale, of_tracker)
         yield _share_row(NAMED_FAULTS, tracker, share, samples)
 
 
@@ -313,19 +313,19 @@ def _bounds(samples: AuditSamples) -> Iterator[Row]:
 
     The same error of the truth is a larger share of smaller errors: a share of all trackers together bounds none.
     """
-    known = []
+    bounded = []
     for number, tracker in enumerate(samples.trackers):
-        own = enough(samples.chosen(np.flatnonzero(samples.tracker == number)))
-        if isinstance(own, str):
+        tracker_samples = enough(samples.chosen(np.flatnonzero(samples.tracker == number)))
+        if isinstance(tracker_samples, str):
             continue
-        known.append(number)
-        found = explained(own, available(own))
-        for name, share in ((EVERY_FAULT, found.faults), (DEPTHS, found.depths), (DEPTH_MAPS, found.depth_maps)):
+        bounded.append(number)
+        shares = explained(tracker_samples, available(tracker_samples))
+        for name, share in ((EVERY_FAULT, shares.faults), (DEPTHS, shares.depths), (DEPTH_MAPS, shares.depth_maps)):
             if share is None:
                 continue
-            yield _share_row(name, tracker, share, own)
-    of_known = samples.chosen(np.flatnonzero(np.isin(samples.tracker, known)))
-    for number, factor in moved(of_known, available(of_known)).items():
+            yield _share_row(name, tracker, share, tracker_samples)
+    of_bounded = samples.chosen(np.flatnonzero(np.isin(samples.tracker, bounded)))
+    for number, factor in moved(of_bounded, available(of_bounded)).items():
         row = {"family": Family.at_most, "parameter": MOVED, "component": samples.trackers[number], "unit": "times"}
         yield {**row, "value": factor}
 
@@ -349,26 +349,30 @@ def _resampled(samples: AuditSamples) -> Row:
 
 def _corrected_errors(samples: AuditSamples, selection: Selection) -> dict[str, NDArray[np.float64]]:
     """Errors (n, 2), px, by correction: as measured, with each fault and those before it corrected, and with all."""
-    found = {MEASURED: samples.observed - samples.stated}
-    for one in selection.named:
-        found[one.parameter] = one.resampled.error
+    errors = {MEASURED: samples.observed - samples.stated}
+    for fault in selection.named:
+        errors[fault.parameter] = fault.resampled.error
     if selection.named:
-        found[EVERYTHING] = selection.final.resampled.error
-    return found
+        errors[EVERYTHING] = selection.final.resampled.error
+    return errors
 
 
 def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFrame) -> Iterator[Row]:
     """Of the families of one parameter; verdicts and sentences are in the rows of the family alone."""
     judged = judge(selection)
-    for one in judged:
-        extra = {"rank": one.rank, "verdict": one.verdict, "text": _text(samples, selection, one, curve)}
-        factor = shown(samples, one.parameter).factor
-        for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, one.parameter)):
-            visible = abs(factor) * float(one.visible_above[component])
+    for judgement in judged:
+        extra = {
+            "rank": judgement.rank,
+            "verdict": judgement.verdict,
+            "text": _text(samples, selection, judgement, curve),
+        }
+        factor = shown(samples, judgement.parameter).factor
+        for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, judgement.parameter)):
+            visible = abs(factor) * float(judgement.visible_above[component])
             yield {**row, **extra, "visible_above": visible if np.isfinite(visible) else None}
     yield from _known_rows(samples)
-    for one in judged:
-        yield from _assessed_rows(Family.beside_bias, selection.beside_bias, one.parameter)
+    for judgement in judged:
+        yield from _assessed_rows(Family.beside_bias, selection.beside_bias, judgement.parameter)
 
 
 def _known_rows(samples: AuditSamples) -> Iterator[Row]:
@@ -385,8 +389,8 @@ def _known_rows(samples: AuditSamples) -> Iterator[Row]:
 
 
 def _assessed_rows(family: Family, stage: Stage, parameter: Parameter) -> Iterator[Row]:
-    one = stage.assessed[parameter]
-    for row in _fit_rows(family, one.resampled, one.gain):
+    assessment = stage.assessed[parameter]
+    for row in _fit_rows(family, assessment.resampled, assessment.gain):
         yield {**row, "p": stage.p[parameter]}
 
 
@@ -405,7 +409,7 @@ def _named_rows(selection: Selection) -> Iterator[Row]:
 def _fit_rows(family: Family, resampled: ResampledFit, explained: Gain) -> Iterator[Row]:
     """One row per free number of a fit."""
     samples, fitted = resampled.samples, resampled.fitted
-    names = [(one, component) for one in fitted.parameters for component in FAULTS[one].components]
+    names = [(fault, component) for fault in fitted.parameters for component in FAULTS[fault].components]
     half = resampled.half_widths
     related = _correlations(fitted)
     errors = {MEASURED: samples.observed - samples.stated, EVERYTHING: resampled.error}
@@ -452,52 +456,52 @@ def _correlations(fitted: Fit) -> NDArray[np.float64]:
 
 
 def _most_related(names: Sequence[tuple[Parameter, str]], related: NDArray[np.float64], place: int) -> Row:
-    others = np.abs(related)
-    others[place] = -1.0
+    sizes = np.abs(related)
+    sizes[place] = -1.0
     if len(names) < 2:
         return {}
-    other = int(np.argmax(others))
-    return {"correlation": float(related[other]), "correlated_with": " ".join(names[other]).strip()}
+    strongest = int(np.argmax(sizes))
+    return {"correlation": float(related[strongest]), "correlated_with": " ".join(names[strongest]).strip()}
 
 
-def _text(samples: AuditSamples, selection: Selection, one: Judged, curve: pl.DataFrame) -> str:
-    unit = shown(samples, one.parameter)
-    if one.rank is not None:
+def _text(samples: AuditSamples, selection: Selection, judgement: Judged, curve: pl.DataFrame) -> str:
+    unit = shown(samples, judgement.parameter)
+    if judgement.rank is not None:
         names = [MEASURED, *(fault.parameter for fault in selection.named)]
-        effect = effect_text(curve, names[one.rank - 1], one.parameter)
-        fault = selection.named[one.rank - 1]
-        found = _estimate(unit, fault)
-        beside_others = _beside_like(samples, selection, one, found)
-        return fault_text(one.parameter, found, effect, fault.rivals) + beside_others
-    beside = selection.last.assessed[one.parameter]
+        effect = effect_text(curve, names[judgement.rank - 1], judgement.parameter)
+        fault = selection.named[judgement.rank - 1]
+        estimate = _estimate(unit, fault)
+        beside_others = _beside_like(samples, selection, judgement, estimate)
+        return fault_text(judgement.parameter, estimate, effect, fault.rivals) + beside_others
+    beside = selection.last.assessed[judgement.parameter]
     return other_text(
-        one.parameter,
-        one.verdict,
-        in_unit(one.visible_above, unit),
-        condition=one.condition,
+        judgement.parameter,
+        judgement.verdict,
+        in_unit(judgement.visible_above, unit),
+        condition=judgement.condition,
         found=_estimate(unit, beside),
         named=[fault.parameter for fault in selection.named],
         samples=samples,
     )
 
 
-def _estimate(unit: Shown, found: Assessment | Named) -> Estimate:
+def _estimate(unit: Shown, assessed: Assessment | Named) -> Estimate:
     """Of a parameter, together with the faults that were named before it."""
-    return Estimate(unit, unit.values(found.estimate), found.half_widths * abs(unit.factor))
+    return Estimate(unit, unit.values(assessed.estimate), assessed.half_widths * abs(unit.factor))
 
 
-def _beside_like(samples: AuditSamples, selection: Selection, one: Judged, found: Estimate) -> str:
+def _beside_like(samples: AuditSamples, selection: Selection, judgement: Judged, estimate: Estimate) -> str:
     """A sentence if the first fault has another value beside parameters like it, none of which was named."""
-    every, named = available(samples), [fault.parameter for fault in selection.named]
-    alike = [name for group in LIKE if one.parameter in group for name in group if name in every]
-    others = [name for name in alike if name != one.parameter]
-    if not others or one.rank != 1 or any(name in named for name in others):
+    parameters, named = available(samples), [fault.parameter for fault in selection.named]
+    alike = [name for group in LIKE if judgement.parameter in group for name in group if name in parameters]
+    others = [name for name in alike if name != judgement.parameter]
+    if not others or judgement.rank != 1 or any(name in named for name in others):
         return ""
     start, with_bias = selection.beside_bias.basis.start, selection.final.fitted.with_bias
     fitted = fit(samples, alike, start, with_bias=with_bias)
     resampled = ResampledFit.of(samples, fitted)
-    mine = fitted.places_of(one.parameter)
-    unit = shown(samples, one.parameter)
+    mine = fitted.places_of(judgement.parameter)
+    unit = shown(samples, judgement.parameter)
     together = Estimate(unit, unit.values(fitted.estimate[mine]), resampled.half_widths[mine] * abs(unit.factor))
-    moved = np.abs(together.values - found.values) > found.half
+    moved = np.abs(together.values - estimate.values) > estimate.half
     return like_text(others, together) if moved.any() else ""

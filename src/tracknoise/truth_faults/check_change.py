@@ -93,24 +93,24 @@ def truth_change(run: RunFolder, trust: pl.DataFrame) -> str | None:
         return None
     measured = {readable(key) for key in run.manifest().sequences}
     try:
-        every = _checked(json.loads(document))
+        checks = _checked(json.loads(document))
     except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
         raise StoreError(f"{run.path / 'statistics' / CHECK_JSON}: damaged ({error}), expected {_EXPECTED}") from error
-    found = [one for one in every if one.sequence in measured]
-    if not found:
-        return f"`tracknoise check` was of {listing(one.sequence for one in every)}, which this run did not measure."
-    return _sentence(worst(found, lambda one: one.verdict), TruthVerdict.of(trust).verdict, ranges(trust))
+    compared = [item for item in checks if item.sequence in measured]
+    if not compared:
+        return f"`tracknoise check` was of {listing(item.sequence for item in checks)}, which this run did not measure."
+    return _sentence(worst(compared, lambda item: item.verdict), TruthVerdict.of(trust).verdict, ranges(trust))
 
 
 def _checked(document: Mapping[str, Any]) -> list[Checked]:
     """What a document says of each sequence."""
     return [
         Checked(
-            str(one["sequence"]),
-            Trust(one["truth"]["verdict"]),
-            {str(TruthCause(cause)): (float(low), float(high)) for cause, (low, high) in one["ranges"].items()},
+            str(entry["sequence"]),
+            Trust(entry["truth"]["verdict"]),
+            {str(TruthCause(cause)): (float(low), float(high)) for cause, (low, high) in entry["ranges"].items()},
         )
-        for one in document["sequences"]
+        for entry in document["sequences"]
     ]
 
 
@@ -131,7 +131,7 @@ def _sentence(before: Checked, verdict: Trust, now: Mapping[str, Range]) -> str:
     return said if before.verdict == verdict else f"{said} Shares changed by less than {percent(_CHANGED)}, at a limit."
 
 
-def _text(found: Range) -> str:
+def _text(interval: Range) -> str:
     """``up to 12 %`` or ``10 % to 12 %``."""
-    low, high = found
+    low, high = interval
     return f"{percent(low)} to {percent(high)}" if low > 0.0 else f"up to {percent(high)}"

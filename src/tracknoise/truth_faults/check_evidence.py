@@ -153,8 +153,8 @@ class _Points:
         uv_first, uv_second = (
             np.concatenate(uv) for uv in zip(*((p.uv_first, p.uv_second) for p in pairs), strict=True)
         )
-        known = np.isfinite(depth)
-        return cls(first[known], second[known], uv_first[known], uv_second[known], depth[known])
+        has_depth = np.isfinite(depth)
+        return cls(first[has_depth], second[has_depth], uv_first[has_depth], uv_second[has_depth], depth[has_depth])
 
 
 def _are_read(pairs: ListOf[Pair], n_frames: int) -> NDArray[np.bool_]:
@@ -170,11 +170,11 @@ def _paths(evidence: Evidence, sequence: Sequence) -> tuple[NDArray[np.intp], Pa
     times, n = times_of(sequence), len(evidence.poses)
     if times is None or n < 2:
         return np.arange(n), Paths.of(np.arange(n, dtype=np.float64), evidence.poses, np.zeros(n, np.intp)), None
-    others = path_between_frames(sequence, n)
-    others_s, others_poses = (np.empty(0), np.empty((0, 4, 4))) if others is None else (others.times, others.poses)
-    order, place = in_order(times, others_s)
+    between = path_between_frames(sequence, n)
+    between_s, between_poses = (np.empty(0), np.empty((0, 4, 4))) if between is None else (between.times, between.poses)
+    order, place = in_order(times, between_s)
     unit = float(np.median(np.diff(times)))
-    joined = np.concatenate([times, others_s])[order] / unit, np.concatenate([evidence.poses, others_poses])[order]
+    joined = np.concatenate([times, between_s])[order] / unit, np.concatenate([evidence.poses, between_poses])[order]
     return place, Paths.of(*joined, np.zeros(len(order), np.intp)), unit
 
 
@@ -192,12 +192,12 @@ def _thinned(samples: AuditSamples) -> AuditSamples:
     return samples.chosen(np.sort(np.argsort(rank, kind="stable")[:MOST_POINTS]))
 
 
-def _rigid_rows(found: Followed) -> tuple[RigidRows, NDArray[np.float64]]:
+def _rigid_rows(followed: Followed) -> tuple[RigidRows, NDArray[np.float64]]:
     """Equations of points between the frames that were read, and Ad of the poses of these frames."""
-    samples = found.samples
-    zero, frame = found.number[samples.birth], found.number[samples.now]
+    samples = followed.samples
+    zero, frame = followed.number[samples.birth], followed.number[samples.now]
     unit_m = float(np.median(samples.depth))
-    stated = FrameGeometry(found.poses, samples.cameras, np.zeros(len(found.poses), np.intp)).in_units_of(unit_m)
+    stated = FrameGeometry(followed.poses, samples.cameras, np.zeros(len(followed.poses), np.intp)).in_units_of(unit_m)
     error = samples.observed - samples.stated
     points = stated.unproject(zero, samples.uv_at_birth, samples.depth / unit_m)
     rows = RigidRows(
@@ -209,5 +209,5 @@ def _rigid_rows(found: Followed) -> tuple[RigidRows, NDArray[np.float64]]:
         error_px=error,
         again_px=error,
     )
-    known = np.flatnonzero(np.isfinite(rows.jacobian).all(axis=(1, 2)))
-    return rows.chosen(known), axes_of(stated.world_from_camera)
+    usable = np.flatnonzero(np.isfinite(rows.jacobian).all(axis=(1, 2)))
+    return rows.chosen(usable), axes_of(stated.world_from_camera)

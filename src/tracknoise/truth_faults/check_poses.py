@@ -32,10 +32,10 @@ def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
         If an image or depth map cannot be read.
     """
     parts = windows(len(sequence), most=_MOST_FRAMES, length=_WINDOW_FRAMES)
-    found = [_refined(sequence, part) for part in parts]
-    leading = [(part, one, fit) for part, (one, fit) in zip(parts, found, strict=True) if fit.leads]
-    if 2 * len(leading) < len(found) or not leading:
-        fit = joined_fit([fit for _, fit in found if not fit.leads])
+    of_parts = [_refined(sequence, part) for part in parts]
+    leading = [(part, window, fit) for part, (window, fit) in zip(parts, of_parts, strict=True) if fit.leads]
+    if 2 * len(leading) < len(of_parts) or not leading:
+        fit = joined_fit([fit for _, fit in of_parts if not fit.leads])
         assert fit is not None, "there is a window"
         return sequence, fit, Item("poses", Severity.ok, fit.reason, _values(fit))
     fit = joined_fit([fit for *_, fit in leading])
@@ -43,13 +43,13 @@ def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
     halves = np.full((2, *sequence.world_from_camera.shape), np.nan)
     poses = halves[0].copy()
     shares, bounds = dict[str, float](), TruthAccuracy()
-    for part, one, _ in leading:
-        assert isinstance(one, RefinedPoses), "the refined poses of a window lead"
-        poses[part.start : part.stop] = one.poses
-        assert one.pose_halves is not None, "it was refined just now"
-        halves[:, part.start : part.stop] = one.pose_halves
-        shares = {name: max(share, shares.get(name, 0.0)) for name, share in one.fault_shares.items()}
-        bounds = largest_bounds(bounds, one.fault_bounds)
+    for part, window, _ in leading:
+        assert isinstance(window, RefinedPoses), "the refined poses of a window lead"
+        poses[part.start : part.stop] = window.poses
+        assert window.pose_halves is not None, "it was refined just now"
+        halves[:, part.start : part.stop] = window.pose_halves
+        shares = {name: max(share, shares.get(name, 0.0)) for name, share in window.fault_shares.items()}
+        bounds = largest_bounds(bounds, window.fault_bounds)
     frames = f"{has_pose(poses).sum()} of {len(poses)} frames"
     text = " ".join(filter(None, [f"Poses were refined in {frames}.", fit.of_depths]))
     item = Item("poses", Severity.ok, text, _values(fit))
@@ -74,14 +74,14 @@ def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     fits, notes = list[PoseFit](), list[str]()
     for start in range(0, max(n_frames - 1, 1), _LONGEST - 1):
         part = range(start, min(start + _LONGEST, n_frames))
-        one, fit = _refined(sequence, part)
+        window, fit = _refined(sequence, part)
         fits.append(fit)
-        found = one.world_from_camera if fit.leads else sequence.world_from_camera[part.start : part.stop]
+        part_poses = window.world_from_camera if fit.leads else sequence.world_from_camera[part.start : part.stop]
         if not fit.leads:
             notes.append(f"frames {part[0]} to {part[-1]} keep their stated relative poses. {fit.reason}")
-        if start and np.isfinite(poses[start]).all() and np.isfinite(found[0]).all():
-            moved = poses[start] @ invert(found[:1])[0]
-        poses[part.start : part.stop] = moved @ found
+        if start and np.isfinite(poses[start]).all() and np.isfinite(part_poses[0]).all():
+            moved = poses[start] @ invert(part_poses[:1])[0]
+        poses[part.start : part.stop] = moved @ part_poses
     if not any(fit.leads for fit in fits):
         raise DataError(sequence.source, fits[0].reason.rstrip("."), "poses that reference tracks refine")
     return RefinedPoses.of(sequence, poses), tuple(notes)

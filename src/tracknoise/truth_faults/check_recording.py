@@ -234,7 +234,7 @@ class Pictures:
         """Draw where points were seen and where they were predicted, in the pair with the most motion."""
         if not evidence.pairs:
             return
-        pair = max(evidence.pairs, key=lambda one: one.motion_px)
+        pair = max(evidence.pairs, key=lambda candidate: candidate.motion_px)
         try:
             image = sequence.image(pair.first)
         except DataError:  # it was readable a moment ago; the check itself has reported what is wrong
@@ -255,9 +255,9 @@ def _drawn(image: NDArray[np.uint8], pair: Pair, evidence: Evidence) -> NDArray[
     canvas = np.ascontiguousarray(np.repeat(image[..., None], 3, axis=2))
     _lines(canvas, pair.uv_first, pair.uv_second, _OBSERVED)
     if evidence.has_depth:
-        known = np.isfinite(pair.depth_first_m)
+        has_depth = np.isfinite(pair.depth_first_m)
         residual = reprojection_px(pair, relative_pose(evidence.poses, pair), evidence.camera, AS_GIVEN)
-        _lines(canvas, pair.uv_first[known], pair.uv_second[known] - residual, _PREDICTED)
+        _lines(canvas, pair.uv_first[has_depth], pair.uv_second[has_depth] - residual, _PREDICTED)
     return canvas
 
 

@@ -32,7 +32,7 @@ _One = TypeVar("_One")
 
 def worst(found: Iterable[_One], verdict: Callable[[_One], Trust]) -> _One:
     """The first of those with the worst verdict."""
-    return min(found, key=lambda one: _WORST.index(verdict(one)))
+    return min(found, key=lambda item: _WORST.index(verdict(item)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,8 +101,8 @@ class CheckReport:
     @property
     def truth(self) -> TruthVerdict:
         """The worst verdict of all sequences."""
-        found = [report.truth for report in self.sequences]
-        return worst(found, lambda one: one.verdict) if found else TruthVerdict()
+        truths = [report.truth for report in self.sequences]
+        return worst(truths, lambda truth: truth.verdict) if truths else TruthVerdict()
 
     def every_item(self) -> Iterable[Item]:
         """Items of all sequences, then those about all together."""
@@ -113,7 +113,9 @@ class CheckReport:
     def reasons(self) -> list[str]:
         """Texts of the items that make results wrong, or are to be kept in mind, each once."""
         telling = (Severity.fatal, Severity.caveat)
-        return list(dict.fromkeys(item.text for one in telling for item in self.every_item() if item.severity is one))
+        return list(
+            dict.fromkeys(item.text for severity in telling for item in self.every_item() if item.severity is severity)
+        )
 
     def to_json(self) -> str:
         """The report as a JSON document with `format`, the verdict on the truth, `reasons` and the items."""

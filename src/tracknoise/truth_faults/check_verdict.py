@@ -59,7 +59,7 @@ def sequence_trust(
     else:
         shares = pose_share([check_rigid(followed)])
         sizes = {NAME: _size(sequence, followed, samples)}
-    found = TruthEvidence(
+    truth_evidence = TruthEvidence(
         audit=tables.audit,
         pose_shares=shares,
         sizes=sizes,
@@ -72,15 +72,15 @@ def sequence_trust(
         pose_fits=[fit],
         is_check=True,
     )
-    return assess(found, dataset)
+    return assess(truth_evidence, dataset)
 
 
 def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> ErrorSize:
     """Size of the errors at the last age up to the reference age, and by age of what is stated of the truth."""
     ages, counts = np.unique(samples.age[samples.age <= REFERENCE_AGE], return_counts=True)
     age = int(max(ages[counts >= _FEWEST], default=ages[np.argmax(counts)] if len(ages) else 0))
-    some = samples.chosen(np.flatnonzero(samples.age == age))
-    square = float(np.mean(np.sum((some.observed - some.stated) ** 2, axis=1)))
+    at_age = samples.chosen(np.flatnonzero(samples.age == age))
+    square = float(np.mean(np.sum((at_age.observed - at_age.stated) ** 2, axis=1)))
     return ErrorSize(
         age, sqrt(square), _stated_px(sequence, followed, samples.chosen(np.flatnonzero(samples.age <= age)))
     )
@@ -89,18 +89,18 @@ def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> Erro
 def _stated_px(sequence: Sequence, followed: Followed, samples: AuditSamples) -> dict[int, float] | None:
     """RMS that the stated accuracy can cause, px, by age; None where poses or depths have none."""
     kind = TruthKind.raycast if sequence.surface is not None else TruthKind.birth
-    known = known_accuracy(sequence, kind)
-    if not known.is_complete:
+    accuracy = known_accuracy(sequence, kind)
+    if not accuracy.is_complete:
         return None
-    errors = TrueErrors(TruthDerivatives(sequence), known.figures, step=frame_step(sequence))
+    errors = TrueErrors(TruthDerivatives(sequence), accuracy.figures, step=frame_step(sequence))
     if errors.is_exact:
         return dict.fromkeys(map(int, samples.age), 0.0)
     points = _points(sequence, followed, samples)
     squares = np.full(len(samples.age), np.nan)
-    for rows, found in errors.of(points):
-        squares[rows] = np.trace(sum(found.covariance.values()), axis1=1, axis2=2)
-    known = np.isfinite(squares)
-    return {int(age): sqrt(squares[known & (samples.age == age)].mean()) for age in np.unique(samples.age[known])}
+    for rows, error in errors.of(points):
+        squares[rows] = np.trace(sum(error.covariance.values()), axis1=1, axis2=2)
+    is_known = np.isfinite(squares)
+    return {int(age): sqrt(squares[is_known & (samples.age == age)].mean()) for age in np.unique(samples.age[is_known])}
 
 
 def _points(sequence: Sequence, followed: Followed, samples: AuditSamples) -> AnchoredPoints:

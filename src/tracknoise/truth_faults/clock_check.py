@@ -42,8 +42,8 @@ def image_rotation(
 
 def _from_depth(pair: Pair, camera: CameraModel, translation_m: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """Rotation that, with the translation or any, moves the points of the first frame onto those of the second."""
-    known = np.isfinite(pair.depth_first_m)
-    points, observed = camera.unproject(pair.uv_first[known], pair.depth_first_m[known]), pair.uv_second[known]
+    valid = np.isfinite(pair.depth_first_m)
+    points, observed = camera.unproject(pair.uv_first[valid], pair.depth_first_m[valid]), pair.uv_second[valid]
     rotation = Rotation.identity()
     shift = np.zeros(3) if translation_m is None else translation_m
     for _ in range(_ITERATIONS):
@@ -189,7 +189,7 @@ def estimate_offset(rates: Rates) -> ClockOffset | None:
     grid = np.arange(-MOST_FRAMES, MOST_FRAMES + _GRID_FRAMES / 2, _GRID_FRAMES)
     start = float(grid[int(np.nanargmin([_unexplained(predicted(offset), observed) for offset in grid]))])
     of_all, *of_axes = (_jackknifed(_Refinement(predicted, observed, start, axes)) for axes in _AXES)
-    offset, sd = _of_axes(of_all, [one for one in of_axes if one.sd <= MOST_SD_FRAMES])
+    offset, sd = _of_axes(of_all, [estimate for estimate in of_axes if estimate.sd <= MOST_SD_FRAMES])
     offset = offset if np.isfinite(offset) else start
     changes = np.concatenate([np.linalg.norm(np.diff(run.by_poses, axis=0), axis=1) for run in runs])
     return ClockOffset(offset, sd, _unexplained(predicted(offset), observed), float(np.median(changes)))
@@ -205,21 +205,21 @@ class _Estimate:
 
 def _jackknifed(refined: "_Refinement") -> _Estimate:
     """Offset from all steps, and how it varies as blocks of steps are left out."""
-    every = np.arange(len(refined.observed))
-    found = [refined(every)]
-    for block in np.array_split(every, _BLOCKS):
-        if not np.isfinite(found[-1]):  # no further search would make it known
+    all_steps = np.arange(len(refined.observed))
+    offsets = [refined(all_steps)]
+    for block in np.array_split(all_steps, _BLOCKS):
+        if not np.isfinite(offsets[-1]):  # no further search would make it known
             break
-        found.append(refined(np.setdiff1d(every, block)))
-    is_known = bool(np.isfinite(found).all())
-    return _Estimate(found[0], float(np.sqrt((_BLOCKS - 1) * np.var(found[1:]))) if is_known else np.inf)
+        offsets.append(refined(np.setdiff1d(all_steps, block)))
+    is_known = bool(np.isfinite(offsets).all())
+    return _Estimate(offsets[0], float(np.sqrt((_BLOCKS - 1) * np.var(offsets[1:]))) if is_known else np.inf)
 
 
 def _of_axes(of_all: _Estimate, axes: Sequence[_Estimate]) -> tuple[float, float]:
     """Offset and standard deviation by (axes), from the estimates of single axes; of all axes where these agree."""
     if not np.isfinite(of_all.sd) or len(axes) < 2:
         return of_all.offset, of_all.sd
-    offsets, variances = np.array([one.offset for one in axes]), np.array([max(one.sd, 1e-6) ** 2 for one in axes])
+    offsets, variances = np.array([axis.offset for axis in axes]), np.array([max(axis.sd, 1e-6) ** 2 for axis in axes])
     weights = 1 / variances
     excess = weights @ (offsets - np.average(offsets, weights=weights)) ** 2 - (len(axes) - 1)
     if excess <= 0:
@@ -239,11 +239,11 @@ def _runs(rates: Rates) -> list[Rates]:
 
 def _unexplained(predicted: NDArray[np.float64], observed: NDArray[np.float64]) -> float:
     """Median difference of two rates after a factor per axis, relative to the median variation; NaN for few values."""
-    known = np.isfinite(predicted).all(axis=1)
-    if known.sum() < max(_FEWEST_IN_RUN, _FEWEST_SHARE * len(observed)):
+    is_known = np.isfinite(predicted).all(axis=1)
+    if is_known.sum() < max(_FEWEST_IN_RUN, _FEWEST_SHARE * len(observed)):
         return np.nan
-    left = observed[known] - _factors(predicted[known], observed[known]) * predicted[known]
-    variation = observed[known] - np.median(observed[known], axis=0)
+    left = observed[is_known] - _factors(predicted[is_known], observed[is_known]) * predicted[is_known]
+    variation = observed[is_known] - np.median(observed[is_known], axis=0)
     return float(np.mean(_cut_length(left))) / max(float(np.mean(_cut_length(variation))), 1e-12)
 
 
@@ -277,27 +277,27 @@ class _Refinement:
         """
         start = self.start
         for _ in range(_MOST_REFINEMENTS):
-            found = self._around(start, chosen)
-            if not abs(found - start) >= _REFINED_FRAMES - _AT_BOUND_FRAMES:  # also of NaN
-                return found
-            start = found
+            offset = self._around(start, chosen)
+            if not abs(offset - start) >= _REFINED_FRAMES - _AT_BOUND_FRAMES:  # also of NaN
+                return offset
+            start = offset
         return np.nan
 
     def _around(self, start: float, chosen: NDArray[np.intp]) -> float:
         """Best offset within `_REFINED_FRAMES` of a start, frames; NaN for few steps."""
         ends = [self.predicted(start + sign * _REFINED_FRAMES) for sign in (-1.0, 1.0)]
         finite: NDArray[np.bool_] = np.isfinite(np.concatenate(ends, axis=1).sum(axis=1))
-        known = chosen[finite[chosen]]
-        if len(known) < _FEWEST_REFINED:
+        steps = chosen[finite[chosen]]
+        if len(steps) < _FEWEST_REFINED:
             return np.nan
-        observed = self.observed[known]
-        factors = _factors(self.predicted(start)[known], observed)
-        at_start = observed - factors * self.predicted(start)[known]
+        observed = self.observed[steps]
+        factors = _factors(self.predicted(start)[steps], observed)
+        at_start = observed - factors * self.predicted(start)[steps]
         scale = max(1.4826 * float(np.median(np.abs(at_start[:, self.axes]))), 1e-9)
 
         def left(moved: NDArray[np.float64]) -> NDArray[np.float64]:
-            there = self.predicted(start + float(moved[0]) - 1.0)[known]
-            apart = (observed - _factors(there, observed) * there)[:, self.axes]
+            at_offset = self.predicted(start + float(moved[0]) - 1.0)[steps]
+            apart = (observed - _factors(at_offset, observed) * at_offset)[:, self.axes]
             return np.asarray(apart.ravel() / scale, dtype=np.float64)
 
         limits = 1.0 - _REFINED_FRAMES, 1.0 + _REFINED_FRAMES  # around 1, because differences are relative
@@ -322,23 +322,23 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
 
     `timestamps_s`: None where unknown.
     """
-    found = measured_offset(evidence)
-    if found is None or found.sd_frames > MOST_SD_FRAMES or not found.unexplained <= _MOST_UNEXPLAINED:
+    offset = measured_offset(evidence)
+    if offset is None or offset.sd_frames > MOST_SD_FRAMES or not offset.unexplained <= _MOST_UNEXPLAINED:
         text = "The rotation rate does not change enough to show an offset between the clocks of images and poses."
         return Item("clock", Severity.unknown, text)
     step = None if timestamps_s is None or len(timestamps_s) < 2 else float(np.median(np.diff(timestamps_s)))
     values: Values = {
-        "offset_frames": found.frames,
-        "sd_frames": found.sd_frames,
-        "offset_s": None if step is None else found.frames * step,
-        "sd_s": None if step is None else found.sd_frames * step,
+        "offset_frames": offset.frames,
+        "sd_frames": offset.sd_frames,
+        "offset_s": None if step is None else offset.frames * step,
+        "sd_s": None if step is None else offset.sd_frames * step,
     }
-    size = _size(found, step)
-    effect_px = abs(found.frames) * found.rate_change * focal_px(evidence.camera)
-    if abs(found.frames) < max(LEAST_FRAMES, SURE_SD * found.sd_frames) or effect_px < LEAST_EFFECT_PX:
+    size = _size(offset, step)
+    effect_px = abs(offset.frames) * offset.rate_change * focal_px(evidence.camera)
+    if abs(offset.frames) < max(LEAST_FRAMES, SURE_SD * offset.sd_frames) or effect_px < LEAST_EFFECT_PX:
         return Item("clock", Severity.ok, f"Clocks of images and poses agree: the offset is {size}.", values)
     text = f"Poses and images differ in time: the pose that fits an image is the one of {size} later."
-    return Item("clock", Severity.caveat, text.replace("later", "later" if found.frames > 0 else "earlier"), values)
+    return Item("clock", Severity.caveat, text.replace("later", "later" if offset.frames > 0 else "earlier"), values)
 
 
 def measured_offset(evidence: Evidence) -> ClockOffset | None:
@@ -348,11 +348,11 @@ def measured_offset(evidence: Evidence) -> ClockOffset | None:
     so far, because a small translation and a small rotation look much alike.
     """
     rates = _rates(evidence, None)
-    found = None if rates is None else estimate_offset(rates)
+    offset = None if rates is None else estimate_offset(rates)
     for _ in range(_PASSES if evidence.has_depth else 0):
-        if found is not None and (again := _rates(evidence, found.frames)) is not None:
-            found = estimate_offset(again)
-    return found
+        if offset is not None and (again := _rates(evidence, offset.frames)) is not None:
+            offset = estimate_offset(again)
+    return offset
 
 
 def _rates(evidence: Evidence, offset_frames: float | None) -> Rates | None:
@@ -363,7 +363,7 @@ def _rates(evidence: Evidence, offset_frames: float | None) -> Rates | None:
     if not len(turned) or np.percentile(turned, 90) * focal_px(evidence.camera) < _LEAST_RATE_PX:
         return None
     translations = _translations(evidence, offset_frames)
-    by_image = [image_rotation(pair, evidence.camera, given) for pair, given in zip(steps, translations, strict=True)]
+    by_image = [image_rotation(pair, evidence.camera, shift) for pair, shift in zip(steps, translations, strict=True)]
     return Rates(np.array([pair.first for pair in steps], dtype=np.float64), np.array(by_image), by_poses)
 
 
@@ -373,9 +373,9 @@ def _translations(evidence: Evidence, offset_frames: float | None) -> list[NDArr
     if offset_frames is None:
         return [None] * len(steps)
     frames = np.arange(len(evidence.poses), dtype=np.float64)
-    there = interpolate_poses(frames, evidence.poses, frames + offset_frames, max_gap_s=_NEIGHBOURS_FRAMES)
-    moved = [relative_pose(there, pair)[:3, 3] for pair in steps]
-    return [one if np.isfinite(one).all() else None for one in moved]
+    offset_poses = interpolate_poses(frames, evidence.poses, frames + offset_frames, max_gap_s=_NEIGHBOURS_FRAMES)
+    moved = [relative_pose(offset_poses, pair)[:3, 3] for pair in steps]
+    return [translation if np.isfinite(translation).all() else None for translation in moved]
 
 
 def _pose_rotation(relative: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -385,7 +385,7 @@ def _pose_rotation(relative: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(Rotation.from_matrix(relative[:3, :3]).as_rotvec(), dtype=np.float64)
 
 
-def _size(found: ClockOffset, step_s: float | None) -> str:
+def _size(offset: ClockOffset, step_s: float | None) -> str:
     """The offset without its sign, with its standard deviation."""
-    frames = f"{abs(found.frames):.2f} +- {max(found.sd_frames, 0.01):.2f} frames"
-    return frames if step_s is None else f"{frames} ({1000 * abs(found.frames) * step_s:.1f} ms)"
+    frames = f"{abs(offset.frames):.2f} +- {max(offset.sd_frames, 0.01):.2f} frames"
+    return frames if step_s is None else f"{frames} ({1000 * abs(offset.frames) * step_s:.1f} ms)"

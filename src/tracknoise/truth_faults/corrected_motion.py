@@ -21,7 +21,7 @@ _SMALL_ANGLE = 1e-4
 
 def right_jacobian(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     """J with Exp(v + d) = Exp(v) Exp(J d) for small d: of rotation vectors (n, 3), (n, 3, 3) (Sola 2018, eq. 143)."""
-    first, second = (one[:, :, None] for one in _coefficients(vectors))
+    first, second = (coefficient[:, :, None] for coefficient in _coefficients(vectors))
     cross = cross_matrices(vectors)
     return np.asarray(np.eye(3) - first * cross + second * cross @ cross)
 
@@ -55,7 +55,7 @@ def _undone(vectors: NDArray[np.float64], turned: NDArray[np.float64]) -> NDArra
 
 def _of_axes(vectors: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     """The number of each axis from the vectors of that axis, (n, 3) each."""
-    return np.stack([one[:, axis] for axis, one in enumerate(vectors)], axis=1)
+    return np.stack([of_axis[:, axis] for axis, of_axis in enumerate(vectors)], axis=1)
 
 
 def _cross(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -79,7 +79,7 @@ class CorrectedMotion:
         self._delays = corrections.of(Parameter.rotation_delay)
         self._smoothing = corrections.number(Parameter.smoothing)
         self._is_stated = not self._delays.any() and self._smoothing == 0.0  # whether the shape of the path is
-        offset, drift = (corrections.number(one) for one in (Parameter.clock_offset, Parameter.clock_drift))
+        offset, drift = (corrections.number(parameter) for parameter in (Parameter.clock_offset, Parameter.clock_drift))
         self._from_middle = paths.from_middle(self._frame)
         delay = offset + (row_delay if self._row is None else np.zeros(len(self._frame)))
         self._clock = delay + drift * self._from_middle if drift else delay  # time of each pose after its frame
@@ -137,8 +137,8 @@ class CorrectedMotion:
     @cached_property
     def _turned(self) -> NDArray[np.float64]:
         """The same as matrices, (n, 3, 3)."""
-        found: NDArray[np.float64] = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
-        return found
+        rotations: NDArray[np.float64] = Rotation.from_rotvec(np.nan_to_num(self._turn)).as_matrix()
+        return rotations
 
     @cached_property
     def _delayed(self) -> list[tuple[Moving, NDArray[np.float64]]]:
@@ -146,8 +146,8 @@ class CorrectedMotion:
         stated = self._stated
         if not self._delays.any():
             return [(stated, np.zeros((len(self._frame), 3)))] * 3
-        later = [self._paths.at(self._frame, self._clock + one) for one in self._delays]
-        return [(one, steps(stated.rotation, one.rotation)) for one in later]
+        later = [self._paths.at(self._frame, self._clock + delay) for delay in self._delays]
+        return [(moving, steps(stated.rotation, moving.rotation)) for moving in later]
 
     @cached_property
     def _delayed_by_delay(self) -> NDArray[np.float64]:

@@ -38,8 +38,8 @@ def corrected(camera: Intrinsics, theta: NDArray[np.float64]) -> Intrinsics:
     changed = replace(camera, fx=scale * camera.fx, fy=scale * camera.fy, cx=camera.cx + u, cy=camera.cy + v)
     more = float(theta[SLICES[Parameter.k1]][0])
     if more and isinstance(changed, Camera):
-        first, *others = changed.distortion or (0.0, 0.0, 0.0, 0.0)
-        return replace(changed, distortion=(first + more, *others))
+        first, *rest = changed.distortion or (0.0, 0.0, 0.0, 0.0)
+        return replace(changed, distortion=(first + more, *rest))
     return changed
 
 
@@ -71,35 +71,35 @@ class Optics:
         self, shape: tuple[int, ...], function: Callable[..., NDArray[np.float64]], *arrays: NDArray[np.float64]
     ) -> NDArray[np.float64]:
         """What a function of a camera and of rows of arrays gives for all observations, (n, *shape)."""
-        found = np.empty((len(self.which), *shape))
+        values = np.empty((len(self.which), *shape))
         with np.errstate(all="ignore"):
             if len(self.cameras) == 1:
                 return function(self.cameras[0], *arrays)
             for number, camera in enumerate(self.cameras):
                 rows = np.flatnonzero(self.which == number)
                 if len(rows):
-                    found[rows] = function(camera, *(array[rows] for array in arrays))
-        return found
+                    values[rows] = function(camera, *(array[rows] for array in arrays))
+        return values
 
 
 def _rays_by_optics(camera: Intrinsics, ray: NDArray[np.float64]) -> NDArray[np.float64]:
-    found = np.zeros((len(ray), 3, INTRINSIC))
+    derivatives = np.zeros((len(ray), 3, INTRINSIC))
     inverse = np.empty((len(ray), 2, 2))
     (a, b), (c, d) = np.moveaxis(projection_jacobian(camera, ray)[:, :, :2], 0, -1)
     area = a * d - b * c
     inverse[:, 0, 0], inverse[:, 0, 1], inverse[:, 1, 0], inverse[:, 1, 1] = d / area, -b / area, -c / area, a / area
-    found[:, :2] = -inverse @ _by_optics(camera, ray, camera.project(ray))
-    return found
+    derivatives[:, :2] = -inverse @ _by_optics(camera, ray, camera.project(ray))
+    return derivatives
 
 
 def _by_optics(camera: Intrinsics, points: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives of pixels; that of the focal length is by the logarithm of both."""
-    found = np.zeros((len(points), 2, INTRINSIC))
-    found[:, :, _FOCAL] = uv - (camera.cx, camera.cy)
-    found[:, :, _CENTRE] = np.eye(2)
+    derivatives = np.zeros((len(points), 2, INTRINSIC))
+    derivatives[:, :, _FOCAL] = uv - (camera.cx, camera.cy)
+    derivatives[:, :, _CENTRE] = np.eye(2)
     if isinstance(camera, Camera):
-        found[:, :, _K1] = _by_k1(camera, points)
-    return found
+        derivatives[:, :, _K1] = _by_k1(camera, points)
+    return derivatives
 
 
 def _by_k1(camera: Camera, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -295,9 +295,9 @@ class LaterPositions:
         return by_sensor, by_sensor @ self._from_world
 
 
-def _times(matrices: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def _times(matrices: NDArray[np.float64], matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """Products of matrices (n, k, 3) with one other (3, 3), as those of all their rows at once."""
-    return np.asarray((matrices.reshape(-1, 3) @ other).reshape(matrices.shape))
+    return np.asarray((matrices.reshape(-1, 3) @ matrix).reshape(matrices.shape))
 
 
 _ROWS_STEPS = 4
@@ -328,7 +328,7 @@ class Predicted:
 
     def by(self, parameters: Iterable[Parameter]) -> NDArray[np.float64]:
         """Derivatives by the numbers of some parameters, in the order given, (n, 2, numbers)."""
-        places = [PLACES[one] for one in parameters]
+        places = [PLACES[parameter] for parameter in parameters]
         for part, _ in places:
             if part not in self._by_part:
                 at_fixed_times = self._later.by(part, self._world.by(part))
@@ -363,27 +363,27 @@ def _row_delay(
         of_near = samples.along_shutter(near.uv)
         row = np.where(np.isfinite(of_near), of_near, row)
     for _ in range(_ROWS_STEPS):
-        found = later(readout * samples.phase(row))
-        wrong = samples.along_shutter(found.uv) - row
+        positions = later(readout * samples.phase(row))
+        wrong = samples.along_shutter(positions.uv) - row
         is_last = np.nanmax(np.abs(wrong), initial=0.0) < _ROWS_SOLVED
         if slope is None or not is_last:
-            slope = _by_row(found, readout) - 1.0
+            slope = _by_row(positions, readout) - 1.0
         row = row - wrong / slope
         if is_last:
             break
     return readout * samples.phase(row)
 
 
-def _by_row(found: LaterPositions, readout: NDArray[np.float64]) -> NDArray[np.float64]:
+def _by_row(positions: LaterPositions, readout: NDArray[np.float64]) -> NDArray[np.float64]:
     """How the position along the rows changes with the row at whose time it is computed, (n,)."""
-    return np.asarray(found.samples.along_shutter(found.pace) * readout / found.samples.side)
+    return np.asarray(positions.samples.along_shutter(positions.pace) * readout / positions.samples.side)
 
 
-def _with_rows(found: LaterPositions, by: NDArray[np.float64], readout: NDArray[np.float64]) -> NDArray[np.float64]:
+def _with_rows(positions: LaterPositions, by: NDArray[np.float64], readout: NDArray[np.float64]) -> NDArray[np.float64]:
     """Derivatives (n, 2, numbers) with the change of the row, from those at fixed times of the rows."""
-    samples = found.samples
+    samples = positions.samples
     if not readout.any():
         return by
-    own = 1.0 - _by_row(found, readout)[:, None, None]
-    of_row = np.take_along_axis(by, samples.axis[:, None, None], axis=1) / own
-    return np.asarray(by + (readout / samples.side)[:, None, None] * found.pace[:, :, None] * of_row)
+    divisor = 1.0 - _by_row(positions, readout)[:, None, None]
+    of_row = np.take_along_axis(by, samples.axis[:, None, None], axis=1) / divisor
+    return np.asarray(by + (readout / samples.side)[:, None, None] * positions.pace[:, :, None] * of_row)

@@ -69,11 +69,11 @@ def edge_share(maps: ListOf[DepthMap]) -> float:
     """Share of pixels with depth in dense maps that lie on an edge; 0 of sparse maps, and without maps."""
     if any(depth.radius_px is not None for depth in maps):
         return 0.0
-    found = []
+    sampled = []
     for depth in maps:
         rows, columns = (np.arange(0, side, _EDGES_EVERY_PX) for side in depth.depth_m.shape)
-        found.append(interpolate(depth, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)))
-    edge, valid = (sum(int(getattr(one, name).sum()) for one in found) for name in ("edge", "valid"))
+        sampled.append(interpolate(depth, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)))
+    edge, valid = (sum(int(getattr(of_map, name).sum()) for of_map in sampled) for name in ("edge", "valid"))
     return edge / max(edge + valid, 1)
 
 
@@ -119,18 +119,18 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     if not evidence.has_depth:
         return None
     depths = np.concatenate([pair.depth_first_m for pair in evidence.pairs])
-    known = depths[np.isfinite(depths)]
-    largest_m = float(known.max())
-    share = float(_is_largest(known, largest_m).mean())
+    finite = depths[np.isfinite(depths)]
+    largest_m = float(finite.max())
+    share = float(_is_largest(finite, largest_m).mean())
     if share < _CLIPPED_LEAST_SHARE:
         return None
-    found = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 4)
-    if len(found) < _FEWEST_PAIRS:
+    rows = np.array(list(_residuals(evidence, largest_m))).reshape(-1, 4)
+    if len(rows) < _FEWEST_PAIRS:
         return None
-    motion, given, nearer, farther = np.maximum(found[found[:, 0] >= np.median(found[:, 0])], _FLOOR_PX).T
+    motion, as_given, nearer, farther = np.maximum(rows[rows[:, 0] >= np.median(rows[:, 0])], _FLOOR_PX).T
     if np.exp(np.log(farther / nearer).mean()) > _MOST_GAIN or (farther < nearer).mean() < _LEAST_BETTER:
         return None
-    before, after = (significant(float(np.median(residuals)), 2) for residuals in (given, farther))
+    before, after = (significant(float(np.median(residuals)), 2) for residuals in (as_given, farther))
     moved = significant(float(np.median(motion)), 3)
     text = (
         f"{share:.0%} of the points have the largest depth, {significant(largest_m, 4)} m, to the digit. The residual "
@@ -149,11 +149,14 @@ def _residuals(evidence: Evidence, largest_m: float) -> Iterator[tuple[float, fl
         chosen = _is_largest(pair.depth_first_m[np.isfinite(pair.depth_first_m)], largest_m)
         relative = relative_pose(evidence.poses, pair)
         if chosen.sum() >= _FEWEST_POINTS and np.isfinite(relative).all():
-            given, nearer, farther = (
-                [np.linalg.norm(reprojection_px(pair, relative, evidence.camera, one), axis=1)[chosen] for one in tried]
+            as_given, nearer, farther = (
+                [
+                    np.linalg.norm(reprojection_px(pair, relative, evidence.camera, assumed), axis=1)[chosen]
+                    for assumed in tried
+                ]
                 for tried in ((AS_GIVEN,), _NEARER, _FARTHER)
             )
-            best = (np.min(tried, axis=0) for tried in (given, given + nearer, given + farther))
+            best = (np.min(tried, axis=0) for tried in (as_given, as_given + nearer, as_given + farther))
             at, below, above = (float(np.median(residual)) for residual in best)
             yield pair.motion_px, at, below, above
 
@@ -192,7 +195,7 @@ def depth_kind(evidence: Evidence) -> DepthKind | None:
     """Fit the kind of depth; None without depths, where it is known, or where both kinds would look the same."""
     if not evidence.has_depth or evidence.z_depth_from is not None:
         return None
-    sums = [found for pair in evidence.pairs if (found := _sums(evidence, pair)) is not None]
+    sums = [pair_sums for pair in evidence.pairs if (pair_sums := _sums(evidence, pair)) is not None]
     table = np.array(sums).reshape(-1, 2)
     if len(table) < 2 or table[:, 1].sum() <= 0.0:
         return None
@@ -203,14 +206,14 @@ def depth_kind(evidence: Evidence) -> DepthKind | None:
 def _sums(evidence: Evidence, pair: Pair) -> tuple[float, float] | None:
     """Sums of products of one pair for the regression of differences on what rays would make them."""
     relative = relative_pose(evidence.poses, pair)
-    known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
-    if not known.any() or not np.isfinite(relative).all():
+    has_depths = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
+    if not has_depths.any() or not np.isfinite(relative).all():
         return None
-    given = depth_differences(evidence, pair, relative, known, AS_GIVEN)
-    rays = depth_differences(evidence, pair, relative, known, AS_RAY_DEPTH)
-    same = (np.abs(given) < _MOST_RELATIVE) & (np.abs(rays) < _MOST_RELATIVE)
-    made = (given - rays)[same]
-    return float(given[same] @ made), float(made @ made)
+    as_given = depth_differences(evidence, pair, relative, has_depths, AS_GIVEN)
+    rays = depth_differences(evidence, pair, relative, has_depths, AS_RAY_DEPTH)
+    same = (np.abs(as_given) < _MOST_RELATIVE) & (np.abs(rays) < _MOST_RELATIVE)
+    expected = (as_given - rays)[same]
+    return float(as_given[same] @ expected), float(expected @ expected)
 
 
 def depth_differences(

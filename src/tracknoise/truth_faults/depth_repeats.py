@@ -58,12 +58,12 @@ def depth_repeats(sequence: Sequence, frame: NDArray[np.intp], uv: Array, depth_
     frames, births = np.unique(frame[usable], return_counts=True)
     frames = frames[births >= _LEAST_IN_PAIR]
     chosen = frames[np.unique(np.linspace(0, len(frames) - 1, min(len(frames), _MOST_PAIRS)).astype(int))]
-    found = []
+    differences = []
     for index in chosen.tolist():
         points = np.flatnonzero(frame == index)
-        some = points[:: max(1, len(points) // _MOST_POINTS)]
-        found.append(_differences(sequence, index, int(later[some[0]]), uv[some], depth_m[some]))
-    return _joined(found)
+        thinned = points[:: max(1, len(points) // _MOST_POINTS)]
+        differences.append(_differences(sequence, index, int(later[thinned[0]]), uv[thinned], depth_m[thinned]))
+    return _joined(differences)
 
 
 def _differences(sequence: Sequence, index: int, later: int, uv: Array, depth_m: Array) -> tuple[Array, Array]:
@@ -79,39 +79,39 @@ def _differences(sequence: Sequence, index: int, later: int, uv: Array, depth_m:
     read = sample(depth, seen[inside])
     with np.errstate(divide="ignore", invalid="ignore"):
         difference = np.log(moved[inside, 2] / read.depth_m)
-    known = read.valid & ~read.edge
-    return _of_one_surface(depth_m[inside[known]], difference[known])
+    usable = read.valid & ~read.edge
+    return _of_one_surface(depth_m[inside[usable]], difference[usable])
 
 
 def repeats_of_pairs(evidence: Evidence) -> DepthRepeats:
     """The same from points that were followed from one image to another, farther than to the next where there are."""
-    found = []
+    differences = []
     for pair in evidence.flow.wide or evidence.flow.steps:
-        known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
+        has_depths = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
         relative = relative_pose(evidence.poses, pair)
-        if known.sum() >= _LEAST_IN_PAIR and np.isfinite(relative).all():
-            difference = depth_differences(evidence, pair, relative, known, AS_GIVEN)
-            found.append(_of_one_surface(pair.depth_first_m[known], difference))
-    return _joined(found)
+        if has_depths.sum() >= _LEAST_IN_PAIR and np.isfinite(relative).all():
+            difference = depth_differences(evidence, pair, relative, has_depths, AS_GIVEN)
+            differences.append(_of_one_surface(pair.depth_first_m[has_depths], difference))
+    return _joined(differences)
 
 
 def repeatability(evidence: Evidence) -> Item | None:
     """The topic depth repeatability: by how much depths of two frames differ; None where too few points have both."""
-    found = repeats_of_pairs(evidence)
-    if not len(found.depth_m):
+    repeats = repeats_of_pairs(evidence)
+    if not len(repeats.depth_m):
         return None
-    near_m, far_m = (float(one) for one in found.depth_m[[0, -1]])
-    near, far = (float(one) for one in found.relative[[0, -1]])
-    said = [f"{significant(100.0 * near, 2)}{SPACE}% at {significant(near_m, 2)} m"]
-    if len(found.depth_m) > 1:
-        said.append(f"{significant(100.0 * far, 2)}{SPACE}% at {significant(far_m, 2)} m")
-    text = f"By maps of two frames, single depths have a standard deviation of {' and '.join(said)}."
+    near_m, far_m = (float(value) for value in repeats.depth_m[[0, -1]])
+    near, far = (float(value) for value in repeats.relative[[0, -1]])
+    texts = [f"{significant(100.0 * near, 2)}{SPACE}% at {significant(near_m, 2)} m"]
+    if len(repeats.depth_m) > 1:
+        texts.append(f"{significant(100.0 * far, 2)}{SPACE}% at {significant(far_m, 2)} m")
+    text = f"By maps of two frames, single depths have a standard deviation of {' and '.join(texts)}."
     values: Values = {"near_m": near_m, "near_relative": near, "far_m": far_m, "far_relative": far}
     return Item("depth repeatability", Severity.ok, text, values)
 
 
-def _joined(found: ListOf[tuple[Array, Array]]) -> DepthRepeats:
-    depths, differences = (np.concatenate([np.empty(0), *(pair[side] for pair in found)]) for side in (0, 1))
+def _joined(pairs: ListOf[tuple[Array, Array]]) -> DepthRepeats:
+    depths, differences = (np.concatenate([np.empty(0), *(pair[side] for pair in pairs)]) for side in (0, 1))
     return _by_depth(depths, differences)
 
 

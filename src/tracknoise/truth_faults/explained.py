@@ -112,8 +112,8 @@ def _by_faults(
         information, score = summed(design, residual, scale, ridge)
         theta = theta + np.linalg.solve(information, score - ridge * theta)
         residual = error - design @ theta
-    found = gain(losses(samples, residual, scale), losses(samples, error, scale), level=LEVEL)
-    return Gain(max(found.value, 0.0), found.low, max(found.high, 0.0))
+    share = gain(losses(samples, residual, scale), losses(samples, error, scale), level=LEVEL)
+    return Gain(max(share.value, 0.0), share.low, max(share.high, 0.0))
 
 
 def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain | None:
@@ -122,10 +122,10 @@ def _by_depths(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDAr
     if not np.any(length > 0.0):
         return Gain(0.0, 0.0, 0.0)
     rows = [_Rows.of(samples, error, by_depth, length * samples.depth**power) for power in _POWERS]
-    every, *laws = _share_of(rows[0], _excess), *(_share_of(one, _fitted_share) for one in rows)
-    if every is None:
+    by_excess, *laws = _share_of(rows[0], _excess), *(_share_of(of_law, _fitted_share) for of_law in rows)
+    if by_excess is None:
         return None
-    return max((every if one is None else one for one in laws), key=lambda one: one.high)
+    return max((by_excess if law is None else law for law in laws), key=lambda law: law.high)
 
 
 def _by_depth_maps(samples: AuditSamples, error: NDArray[np.float64], by_depth: NDArray[np.float64]) -> Gain | None:
@@ -139,8 +139,8 @@ def _by_depth_maps(samples: AuditSamples, error: NDArray[np.float64], by_depth: 
 def _share_of(rows: "_Rows", share: Callable[["_Rows", NDArray[np.bool_]], float | None]) -> Gain | None:
     """A share with the interval of the jackknife over clusters, between 0 and 1; None where it is not determined."""
     value = share(rows, np.ones(len(rows.cluster), np.bool_))
-    without = [share(rows, rows.cluster != one) for one in np.unique(rows.cluster)]
-    if value is None or any(one is None for one in without):
+    without = [share(rows, rows.cluster != cluster) for cluster in np.unique(rows.cluster)]
+    if value is None or any(left_out is None for left_out in without):
         return None
     half = jackknife_half_width(np.array(without, dtype=np.float64), LEVEL)
     return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))
@@ -170,17 +170,19 @@ def moved(samples: AuditSamples, parameters: Sequence[Parameter]) -> dict[int, f
     shared = np.flatnonzero((counts.reshape(len(trackers), len(ages)) >= _LEAST_IN_CELL).all(axis=0))
     if not len(shared):
         return {}
-    parts = [used[age == one] for one in shared]
+    parts = [used[age == index] for index in shared]
     typical = [np.median(moves[part], axis=0) for part in parts]
     moving = np.min(typical, axis=0) > _STILL_PX**2
     rows = np.concatenate(parts)
     relative = np.concatenate(
-        [moves[part] / np.where(moving, one, 1.0) for part, one in zip(parts, typical, strict=True)]
+        [moves[part] / np.where(moving, typical_move, 1.0) for part, typical_move in zip(parts, typical, strict=True)]
     )
-    squares = np.stack([np.median(relative[place[rows] == one], axis=0) for one in range(len(trackers))])[:, moving]
+    squares = np.stack([np.median(relative[place[rows] == index], axis=0) for index in range(len(trackers))])[:, moving]
     least = squares.min(axis=0, initial=np.inf)
     ratio = np.divide(squares, least, out=np.full_like(squares, np.inf), where=least > 0.0).max(axis=1, initial=1.0)
-    return {int(one): float(value) if value < np.inf else None for one, value in zip(trackers, ratio, strict=True)}
+    return {
+        int(tracker): float(value) if value < np.inf else None for tracker, value in zip(trackers, ratio, strict=True)
+    }
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -208,13 +210,13 @@ class _Rows:
     ) -> "_Rows":
         """Of samples whose errors of depth are of like size where `size` is; of known ones only."""
         length = np.hypot(*by_depth.T)
-        known = size if repeated is None else repeated
-        used = np.flatnonzero((length > 0.0) & np.isfinite(error).all(axis=1) & np.isfinite(size) & np.isfinite(known))
+        repeat = size if repeated is None else repeated
+        used = np.flatnonzero((length > 0.0) & np.isfinite(error).all(axis=1) & np.isfinite(size) & np.isfinite(repeat))
         along = by_depth[used] / length[used, None]
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
         squares = np.stack([np.sum(error[used] * axis, axis=1) ** 2 for axis in (along, across)])
         group, cell = _cells(samples.group[used], size[used])
-        return cls(squares, size[used] ** 2, known[used] ** 2, group, cell, samples.cluster[used])
+        return cls(squares, size[used] ** 2, repeat[used] ** 2, group, cell, samples.cluster[used])
 
 
 def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -248,9 +250,9 @@ class _Cells:
         order = chosen[np.argsort(rows.cell[chosen], kind="stable")]
         names, first, counts = np.unique(rows.cell[order], return_index=True, return_counts=True)
         full = counts >= _LEAST_IN_CELL
-        some = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
-        variance = [_variances(rows.squares[:, one], rows.moved[one]) for one in some]
-        return cls(some, names[full] // _CELLS, counts[full], np.array(variance).reshape(-1, 2))
+        members = [order[start : start + count] for start, count in zip(first[full], counts[full], strict=True)]
+        variance = [_variances(rows.squares[:, places], rows.moved[places]) for places in members]
+        return cls(members, names[full] // _CELLS, counts[full], np.array(variance).reshape(-1, 2))
 
     def share(self, part: NDArray[np.float64]) -> float:
         """Share of the variances that a part (cells,) of them is, in units of the mean variance of each group.
@@ -286,7 +288,7 @@ def _fitted_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
     cells = _Cells.of(rows, used)
     if not cells.members:
         return None
-    x = np.array([np.mean(rows.moved[one]) for one in cells.members])
+    x = np.array([np.mean(rows.moved[places]) for places in cells.members])
     weight = cells.count / np.maximum(cells.typical, 1e-12) ** 2
     slope = _slope(cells.group, weight, x, cells.variance[:, 0] - cells.variance[:, 1])
     return None if slope is None else cells.share(slope * x)
@@ -303,8 +305,8 @@ def _repeated_share(rows: _Rows, used: NDArray[np.bool_]) -> float | None:
     cells = _Cells.of(rows, used)
     if not cells.members:
         return None
-    found = np.array([np.median(rows.repeated[one]) for one in cells.members])
-    return cells.share(np.minimum(found, cells.variance[:, 0]))
+    medians = np.array([np.median(rows.repeated[places]) for places in cells.members])
+    return cells.share(np.minimum(medians, cells.variance[:, 0]))
 
 
 def _slope(

@@ -229,7 +229,7 @@ and 0 or 1."""
 
 def of_parts(*parts: Part) -> tuple[Parameter, ...]:
     """Parameters that correct some parts."""
-    return tuple(one for one in Parameter if FAULTS[one].part in parts)
+    return tuple(parameter for parameter in Parameter if FAULTS[parameter].part in parts)
 
 
 LIKE: tuple[tuple[Parameter, ...], ...] = (
@@ -246,8 +246,10 @@ COUNT = sum(fault.count for fault in FAULTS.values())
 
 
 def _slices() -> dict[Parameter, slice]:
-    ends = np.cumsum([FAULTS[one].count for one in Parameter]).tolist()
-    return {one: slice(end - FAULTS[one].count, end) for one, end in zip(Parameter, ends, strict=True)}
+    ends = np.cumsum([FAULTS[parameter].count for parameter in Parameter]).tolist()
+    return {
+        parameter: slice(end - FAULTS[parameter].count, end) for parameter, end in zip(Parameter, ends, strict=True)
+    }
 
 
 SLICES: Mapping[Parameter, slice] = MappingProxyType(_slices())
@@ -256,24 +258,24 @@ SLICES: Mapping[Parameter, slice] = MappingProxyType(_slices())
 
 def columns_of(parameters: Iterable[Parameter]) -> NDArray[np.intp]:
     """Places of the numbers of some parameters, in the order given."""
-    places = [np.arange(SLICES[one].start, SLICES[one].stop) for one in parameters]
+    places = [np.arange(SLICES[parameter].start, SLICES[parameter].stop) for parameter in parameters]
     return np.concatenate([np.empty(0, np.intp), *places]).astype(np.intp)
 
 
 def furthest(parameters: Iterable[Parameter]) -> NDArray[np.float64]:
     """Largest change of each number that is tried."""
-    found = [np.full(FAULTS[one].count, FAULTS[one].furthest) for one in parameters]
-    return np.concatenate([np.empty(0), *found])
+    limits = [np.full(FAULTS[parameter].count, FAULTS[parameter].furthest) for parameter in parameters]
+    return np.concatenate([np.empty(0), *limits])
 
 
 def _places() -> dict[Parameter, tuple[Part, slice]]:
-    found = {}
+    places = {}
     for part in Part:
         start = 0
-        for one in of_parts(part):
-            found[one] = (part, slice(start, start + FAULTS[one].count))
-            start += FAULTS[one].count
-    return found
+        for parameter in of_parts(part):
+            places[parameter] = (part, slice(start, start + FAULTS[parameter].count))
+            start += FAULTS[parameter].count
+    return places
 
 
 PLACES: Mapping[Parameter, tuple[Part, slice]] = MappingProxyType(_places())
@@ -324,8 +326,8 @@ class Shown:
 
     def values(self, numbers: NDArray[np.float64]) -> NDArray[np.float64]:
         """Corrected values for numbers of the fit."""
-        found: NDArray[np.float64] = np.array(self.stated) + self.factor * numbers
-        return found
+        values: NDArray[np.float64] = np.array(self.stated) + self.factor * numbers
+        return values
 
 
 def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
@@ -337,8 +339,8 @@ def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
     if parameter is Parameter.principal_point:
         return Shown("px", (camera.cx, camera.cy) if camera else nothing, 1.0)
     if parameter is Parameter.k1:
-        known = isinstance(camera, Camera) and camera.distortion
-        return Shown("", (camera.distortion[0],) if known and isinstance(camera, Camera) else nothing, 1.0)
+        has_distortion = isinstance(camera, Camera) and camera.distortion
+        return Shown("", (camera.distortion[0],) if has_distortion and isinstance(camera, Camera) else nothing, 1.0)
     if parameter in (Parameter.depth_scale, Parameter.ray_depth):
         return Shown("", (1.0 if parameter is Parameter.depth_scale else 0.0,), 1.0)
     if parameter is Parameter.mounting_rotation:

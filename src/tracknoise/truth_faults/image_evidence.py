@@ -185,10 +185,10 @@ def _turning(poses: Poses) -> Poses:
 def hypotheses(*, has_depth: bool = True, is_z: bool = False, expected: Axes = IMAGE_AXES) -> list[Hypothesis]:
     """All mistakes that are looked for, the most usual first. `expected`: axes that the reader expects of poses."""
     orders = _quaternion_orders()
-    known, others = _axes(expected)
+    known_axes, other_axes = _axes(expected)
     return [
         *_inversions(expected),
-        *known,
+        *known_axes,
         *orders[:2],
         *([AS_TURNING, *_scales()] if has_depth else []),
         *([AS_RAY_DEPTH] if has_depth and not is_z else []),
@@ -196,17 +196,17 @@ def hypotheses(*, has_depth: bool = True, is_z: bool = False, expected: Axes = I
         *(_shifted(n) for n in range(-MOST_SHIFT_FRAMES, MOST_SHIFT_FRAMES + 1) if n),
         Hypothesis("transposed", "rotations are transposed, but positions are right", _transposed),
         *orders[2:],
-        *others,
+        *other_axes,
     ]
 
 
 def corrected(poses: Poses, mistake: Hypothesis) -> Poses:
     """(n, 4, 4) float64: the poses with a mistake undone; NaN for frames without a pose."""
-    known = np.isfinite(poses).all(axis=(1, 2))
-    if mistake.moves_frames or known.all():
+    has_pose = np.isfinite(poses).all(axis=(1, 2))
+    if mistake.moves_frames or has_pose.all():
         return mistake.poses(poses)
     changed = np.full_like(poses, np.nan)
-    changed[known] = mistake.poses(poses[known])
+    changed[has_pose] = mistake.poses(poses[has_pose])
     return changed
 
 
@@ -218,13 +218,13 @@ def _transposed(poses: Poses) -> Poses:
 
 def axis_rotations() -> list[NDArray[np.float64]]:
     """The 24 rotations (3, 3) that permute the axes of a frame, the identity first."""
-    found = []
+    rotations = []
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         matrix = np.zeros((3, 3))
         matrix[range(3), order] = signs
         if np.linalg.det(matrix) > 0:
-            found.append(matrix)
-    return sorted(found, key=lambda matrix: -float(np.trace(matrix)))
+            rotations.append(matrix)
+    return sorted(rotations, key=lambda matrix: -float(np.trace(matrix)))
 
 
 _KNOWN_AXES: dict[Axes, str] = {
@@ -250,10 +250,12 @@ def _inversions(expected: Axes) -> Iterator[Hypothesis]:
 
 def _axes(expected: Axes) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Other axes of the camera than those that the reader expects of poses: the known ones, and all others."""
-    every = [_signed(matrix) for matrix in axis_rotations()]
+    all_axes = [_signed(matrix) for matrix in axis_rotations()]
     named = [IMAGE_AXES, *_KNOWN_AXES]
-    known, others = ([one for one in some if one != expected] for some in (named, sorted({*every} - {*named})))
-    return [_of_axes(one, expected) for one in known], [_of_axes(one, expected) for one in others]
+    known_axes, other_axes = (
+        [axes for axes in group if axes != expected] for group in (named, sorted({*all_axes} - {*named}))
+    )
+    return [_of_axes(axes, expected) for axes in known_axes], [_of_axes(axes, expected) for axes in other_axes]
 
 
 def _of_axes(signed: Axes, expected: Axes) -> Hypothesis:
@@ -263,14 +265,14 @@ def _of_axes(signed: Axes, expected: Axes) -> Hypothesis:
 
 def _name_of_axes(recorded: Axes, expected: Axes, read: Axes) -> str:
     """What is wrong with axes. `read`: those that poses have once the reader turned its own into those of the image."""
-    other = f"poses have axes ({_directions(read)}) that are not those of a camera image"
-    name = _KNOWN_AXES.get(read, other)
+    unlisted = f"poses have axes ({_directions(read)}) that are not those of a camera image"
+    name = _KNOWN_AXES.get(read, unlisted)
     if expected == IMAGE_AXES:
         return name
     wanted = f"axes {_NAMED_AXES[expected]}({_directions(expected)})"
     if recorded in _NAMED_AXES:
-        found = f"axes {_NAMED_AXES[recorded]}({_directions(recorded)})"
-        return f"recorded poses have {found}, where the format of the reader has {wanted}"
+        recorded_text = f"axes {_NAMED_AXES[recorded]}({_directions(recorded)})"
+        return f"recorded poses have {recorded_text}, where the format of the reader has {wanted}"
     return f"{name}, once the reader has turned {wanted} into those"
 
 
@@ -322,10 +324,10 @@ def _scales() -> Iterator[Hypothesis]:
 def any_scale() -> tuple[Hypothesis, ...]:
     """Other factors of depths than the usual ones."""
     factors = (*_ANY_FACTORS, *(1.0 / _ANY_FACTORS))
-    about = [f"depths are about {_times(one, _rounded)} for the positions of the camera" for one in factors]
+    about = [f"depths are about {_times(factor, _rounded)} for the positions of the camera" for factor in factors]
     return tuple(
-        Hypothesis("scale", name, depth_scale=float(one), is_about=True)
-        for name, one in zip(about, factors, strict=True)
+        Hypothesis("scale", name, depth_scale=float(factor), is_about=True)
+        for name, factor in zip(about, factors, strict=True)
     )
 
 
@@ -351,9 +353,9 @@ def _shifted(n: int) -> Hypothesis:
 def _rolled(poses: Poses, n: int) -> Poses:
     """Pose i + n for frame i; NaN where there is none."""
     moved = np.full_like(poses, np.nan)
-    there = np.arange(len(poses)) + n
-    inside = (there >= 0) & (there < len(poses))
-    moved[inside] = poses[there[inside]]
+    place = np.arange(len(poses)) + n
+    inside = (place >= 0) & (place < len(poses))
+    moved[inside] = poses[place[inside]]
     return moved
 
 
@@ -371,12 +373,12 @@ def reprojection_px(
     pair: Pair, relative: NDArray[np.float64], camera: CameraModel, assumed: Hypothesis
 ) -> NDArray[np.float64]:
     """(m, 2) float64: observed minus predicted position of each point with depth, px; infinite behind the camera."""
-    known = np.isfinite(pair.depth_first_m)
-    bearings = _rays(pair, camera, assumed.resolution, assumed.zoom)[0][known]
-    points = bearings * assumed.depths(bearings, pair.depth_first_m[known])[:, None]
+    has_depth = np.isfinite(pair.depth_first_m)
+    bearings = _rays(pair, camera, assumed.resolution, assumed.zoom)[0][has_depth]
+    points = bearings * assumed.depths(bearings, pair.depth_first_m[has_depth])[:, None]
     with np.errstate(all="ignore"):
         predicted = assumed.project(camera, transform(relative, points))
-    residual = pair.uv_second[known] - predicted
+    residual = pair.uv_second[has_depth] - predicted
     return np.where(np.isfinite(residual), residual, np.inf)
 
 
@@ -445,13 +447,13 @@ def seen_by_one_camera(flow: Flow, sequence: Sequence) -> Flow:
 
 def _moved(pair: Pair, first: CameraModel, second: CameraModel, to: CameraModel) -> Pair:
     uv_first, uv_second = _seen(pair.uv_first, first, to), _seen(pair.uv_second, second, to)
-    known = np.flatnonzero(np.isfinite(uv_first).all(axis=1) & np.isfinite(uv_second).all(axis=1))
+    usable = np.flatnonzero(np.isfinite(uv_first).all(axis=1) & np.isfinite(uv_second).all(axis=1))
     return replace(
         pair,
-        uv_first=uv_first[known],
-        uv_second=uv_second[known],
-        depth_first_m=pair.depth_first_m[known],
-        depth_second_m=pair.depth_second_m[known],
+        uv_first=uv_first[usable],
+        uv_second=uv_second[usable],
+        depth_first_m=pair.depth_first_m[usable],
+        depth_second_m=pair.depth_second_m[usable],
     )
 
 
@@ -521,8 +523,8 @@ def _begin(index: int, image: NDArray[np.uint8], depth: DepthMap | None, *, wide
     """Corners of one frame, with their depths."""
     margin = np.zeros_like(image)
     margin[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX] = 255
-    found = cv2.goodFeaturesToTrack(image, _POINTS, _LEAST_QUALITY, _SPACING_PX, mask=margin)
-    uv: NDArray[np.float64] = np.array([] if np.ndim(found) == 0 else found, dtype=np.float64).reshape(-1, 2)
+    corners = cv2.goodFeaturesToTrack(image, _POINTS, _LEAST_QUALITY, _SPACING_PX, mask=margin)
+    uv: NDArray[np.float64] = np.array([] if np.ndim(corners) == 0 else corners, dtype=np.float64).reshape(-1, 2)
     return _Chain(index, uv, uv, _depths(depth, uv), (SHORT_PX, LONG_PX) if wide else ())
 
 
@@ -534,13 +536,13 @@ def _follow(chains: ListOf[_Chain], previous: NDArray[np.uint8], image: NDArray[
     start = np.concatenate([np.zeros((0, 2)), *(chain.uv for chain in chains)]).astype(np.float32)
     if not len(start):
         return
-    there, found = _tracked(previous, image, start)
-    back, found_back = _tracked(image, previous, there)
-    good = found & found_back & (np.linalg.norm(back - start, axis=1) < _ROUND_TRIP_PX)
+    moved, is_found = _tracked(previous, image, start)
+    back, is_found_back = _tracked(image, previous, moved)
+    good = is_found & is_found_back & (np.linalg.norm(back - start, axis=1) < _ROUND_TRIP_PX)
     height, width = image.shape
-    good &= np.all((there >= 0) & (there <= (width - 1, height - 1)), axis=1)
+    good &= np.all((moved >= 0) & (moved <= (width - 1, height - 1)), axis=1)
     ends = np.cumsum([len(chain.uv) for chain in chains])[:-1]
-    for chain, kept, uv in zip(chains, np.split(good, ends), np.split(there, ends), strict=True):
+    for chain, kept, uv in zip(chains, np.split(good, ends), np.split(moved, ends), strict=True):
         chain.uv_first, chain.uv = chain.uv_first[kept], uv[kept].astype(np.float64)
         chain.depth_m = chain.depth_m[kept]
 
@@ -549,8 +551,8 @@ def _tracked(
     source: NDArray[np.uint8], target: NDArray[np.uint8], uv: NDArray[np.float32]
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """(n, 2) positions of points in another image, and (n,) whether they were found."""
-    there, found, _ = cv2.calcOpticalFlowPyrLK(source, target, uv, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
-    return np.asarray(there, dtype=np.float32), found[:, 0] == 1
+    moved, status, _ = cv2.calcOpticalFlowPyrLK(source, target, uv, uv.copy(), winSize=_WINDOW, maxLevel=_LEVELS)
+    return np.asarray(moved, dtype=np.float32), status[:, 0] == 1
 
 
 def _emitted(chain: _Chain, index: int, depth: DepthMap | None, *, is_last: bool) -> Iterator[Pair]:
@@ -619,12 +621,12 @@ class Evidence:
         expected: Axes = IMAGE_AXES,
     ) -> "Evidence":
         """Choose the pairs that can be compared with poses."""
-        known: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
-        every = {(pair.first, pair.second): pair for pair in (*flow.steps, *flow.wide)}
+        has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
+        by_frames = {(pair.first, pair.second): pair for pair in (*flow.steps, *flow.wide)}
         moving = [
             pair
-            for _, pair in sorted(every.items())
-            if pair.motion_px >= LEAST_MOTION_PX and known[pair.first] and known[pair.second]
+            for _, pair in sorted(by_frames.items())
+            if pair.motion_px >= LEAST_MOTION_PX and has_pose[pair.first] and has_pose[pair.second]
         ]
         with_depth = [pair for pair in moving if pair.has_depth]
         has_depth = bool(with_depth) and 2 * len(with_depth) >= len(moving)
@@ -633,9 +635,9 @@ class Evidence:
 
     def with_poses(self, poses: NDArray[np.float64]) -> "Evidence":
         """The same with other poses: (n, 4, 4), NaN for frames whose pairs are left out."""
-        known: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
+        has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
         parts = (
-            tuple(pair for pair in pairs if known[pair.first] and known[pair.second])
+            tuple(pair for pair in pairs if has_pose[pair.first] and has_pose[pair.second])
             for pairs in (self.flow.steps, self.flow.wide)
         )
         return Evidence.of(Flow(*parts), poses, self.camera, self.z_depth_from, self.expected)
@@ -643,8 +645,8 @@ class Evidence:
     @property
     def stands_still(self) -> bool:
         """Whether all poses are the same."""
-        known = self.poses[np.isfinite(self.poses).all(axis=(1, 2))]
-        return len(known) > 1 and float(np.ptp(known, axis=0).max()) == 0.0
+        poses = self.poses[np.isfinite(self.poses).all(axis=(1, 2))]
+        return len(poses) > 1 and float(np.ptp(poses, axis=0).max()) == 0.0
 
     @classmethod
     def measured(cls, sequence: Sequence) -> "Evidence":

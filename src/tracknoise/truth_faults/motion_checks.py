@@ -48,7 +48,7 @@ def focal_length(evidence: Evidence) -> Item:
     if not evidence.has_depth or len(pairs) < _FOCAL_LENGTH_FEWEST_PAIRS:
         return Item("focal length", Severity.unknown, _UNKNOWN)
     zoomed = [Hypothesis("focal", "another focal length", zoom=float(np.exp(factor))) for factor in _LOG_FACTORS]
-    residuals = np.array([[residual_px(evidence, pair, one) for one in zoomed] for pair in pairs])
+    residuals = np.array([[residual_px(evidence, pair, hypothesis) for hypothesis in zoomed] for pair in pairs])
     logs = np.log(np.clip(residuals, _FOCAL_LENGTH_FLOOR_PX, None))
     best, sd = jackknife(logs, lambda rows: float(_LOG_FACTORS[np.argmin(rows.mean(axis=0))]))
     means = logs.mean(axis=0)
@@ -128,14 +128,18 @@ def mistakes(evidence: Evidence) -> Item:
     motion_px = np.array([pair.motion_px for pair in pairs])
     most_px = _CAP_MOTION * motion_px + _CAP_PX
     given_px = _residuals(evidence, pairs, AS_GIVEN, most_px)
-    tried = np.array([_residuals(evidence, pairs, one, most_px) for one in candidates])
-    are_few = len(pairs) < FEW_PAIRS or len({one for pair in pairs for one in (pair.first, pair.second)}) < FEW_FRAMES
+    tried = np.array([_residuals(evidence, pairs, hypothesis, most_px) for hypothesis in candidates])
+    are_few = (
+        len(pairs) < FEW_PAIRS or len({frame for pair in pairs for frame in (pair.first, pair.second)}) < FEW_FRAMES
+    )
     even = np.arange(len(pairs)) % 2 == 0
     choosing, judging = even | are_few, ~even | are_few
     gains = _gains(candidates, tried, given_px, choosing)
     if candidates[int(np.argmin(gains))].kind == "scale":  # the usual factors are tried first
         candidates = [*candidates, *any_scale()]
-        tried = np.concatenate([tried, [_residuals(evidence, pairs, one, most_px) for one in any_scale()]])
+        tried = np.concatenate(
+            [tried, [_residuals(evidence, pairs, hypothesis, most_px) for hypothesis in any_scale()]]
+        )
         gains = _gains(candidates, tried, given_px, choosing)
     tied = _tied(candidates, np.log(gains))
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
@@ -152,7 +156,9 @@ def mistakes(evidence: Evidence) -> Item:
 def _gains(
     candidates: ListOf[Hypothesis], tried: NDArray[np.float64], given: NDArray[np.float64], chosen: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    return np.array([_fit(one, row, given, chosen).gain for one, row in zip(candidates, tried, strict=True)])
+    return np.array(
+        [_fit(hypothesis, row, given, chosen).gain for hypothesis, row in zip(candidates, tried, strict=True)]
+    )
 
 
 def _tied(candidates: ListOf[Hypothesis], log_gains: NDArray[np.float64]) -> list[int]:
@@ -187,19 +193,19 @@ def _residuals(
 ) -> NDArray[np.float64]:
     """(n,) float64: median residual of each pair, px, cut at the most that counts; NaN where a pose is missing."""
     undone = replace(evidence, poses=corrected(evidence.poses, assumed))
-    found = np.array([residual_px(undone, pair, assumed) for pair in pairs])
-    return np.asarray(np.minimum(np.maximum(found, _MISTAKE_FLOOR_PX), most_px), dtype=np.float64)
+    residuals = np.array([residual_px(undone, pair, assumed) for pair in pairs])
+    return np.asarray(np.minimum(np.maximum(residuals, _MISTAKE_FLOOR_PX), most_px), dtype=np.float64)
 
 
 def _fit(
     hypothesis: Hypothesis, tried: NDArray[np.float64], given: NDArray[np.float64], chosen: NDArray[np.bool_]
 ) -> Fit:
     """How a hypothesis fits some of the pairs."""
-    known = chosen & np.isfinite(tried) & np.isfinite(given)
-    if known.sum() < _MISTAKE_FEWEST_PAIRS // 2:
+    usable = chosen & np.isfinite(tried) & np.isfinite(given)
+    if usable.sum() < _MISTAKE_FEWEST_PAIRS // 2:
         return Fit(hypothesis, 1.0, 0.0, np.nan)
-    change = np.log(tried[known]) - np.log(given[known])
-    return Fit(hypothesis, float(np.exp(change.mean())), float((change < 0).mean()), float(np.median(tried[known])))
+    change = np.log(tried[usable]) - np.log(given[usable])
+    return Fit(hypothesis, float(np.exp(change.mean())), float((change < 0).mean()), float(np.median(tried[usable])))
 
 
 def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
@@ -208,15 +214,15 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     name = _with_unit(evidence, best.hypothesis)
     is_seen = best.hypothesis is AS_TURNING and best.residual_px > _NOISE_PX  # a parallax that no factor explains
     rivals = [fit.hypothesis for fit in fits[1:] if not (is_seen and fit.hypothesis.kind == "scale")]
-    others = list(dict.fromkeys(one.name for one in rivals if one.name != best.hypothesis.name))
+    other_names = list(dict.fromkeys(rival.name for rival in rivals if rival.name != best.hypothesis.name))
     undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if this is undone"
     text = (
         f"It looks as if {name}. The median residual falls from {significant(given_px, 3)} to "
         f"{significant(best.residual_px, 2)} px {undone}; "
         f"it is smaller in {best.better:.0%} of the pairs of images that test it."
     )
-    if others:
-        text += f" This recording cannot distinguish it from: {'; or '.join(others[:2])}."
+    if other_names:
+        text += f" This recording cannot distinguish it from: {'; or '.join(other_names[:2])}."
     text += _not_tried(evidence)
     values: Values = {
         "mistake": best.hypothesis.kind,
@@ -293,8 +299,8 @@ def moving_scene(evidence: Evidence) -> MovingScene | None:
     fits: NDArray[np.bool_] = points[:, 0] <= _FIT_SHARE * points[:, 1]
     if len(points) < _FEWEST_POINTS or fits.mean() < _LEAST_SHARE or fits.all():
         return None
-    found = MovingScene(float(fits.mean()), float(np.median(points[fits, 0])), float(np.median(points[~fits, 0])))
-    return found if _LEAST_RATIO * found.fit_px <= found.other_px < np.inf else None
+    scene = MovingScene(float(fits.mean()), float(np.median(points[fits, 0])), float(np.median(points[~fits, 0])))
+    return scene if _LEAST_RATIO * scene.fit_px <= scene.other_px < np.inf else None
 
 
 def _points(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
@@ -329,21 +335,21 @@ _BOUNDARY_PX = (SHORT_PX * LONG_PX) ** 0.5
 
 def warping(evidence: Evidence) -> Item:
     """Distance of tracked points from their prediction, at a short and a long baseline."""
-    found = [(pair.motion_px, residual_px(evidence, pair, AS_GIVEN)) for pair in evidence.pairs]
-    known = np.array([one for one in found if np.isfinite(one[1])]).reshape(-1, 2)
-    if not len(known):
+    residuals = [(pair.motion_px, residual_px(evidence, pair, AS_GIVEN)) for pair in evidence.pairs]
+    finite = np.array([row for row in residuals if np.isfinite(row[1])]).reshape(-1, 2)
+    if not len(finite):
         text = "Images could not be compared with poses: too few points were found again, or poses are missing."
         return Item("warping", Severity.unknown, text)
-    values: dict[str, float | int | str | None] = {"n_pairs": len(known)}
+    values: dict[str, float | int | str | None] = {"n_pairs": len(finite)}
     sentences, is_off = [_opening(evidence)], False
-    for name, part in (("short", known[known[:, 0] < _BOUNDARY_PX]), ("long", known[known[:, 0] >= _BOUNDARY_PX])):
+    for name, part in (("short", finite[finite[:, 0] < _BOUNDARY_PX]), ("long", finite[finite[:, 0] >= _BOUNDARY_PX])):
         if len(part):
             motion, residual = np.median(part, axis=0).tolist()
             values |= {f"{name}_motion_px": motion, f"{name}_residual_px": residual}
             sentences.append(f"At an image motion of {significant(motion, 3)} px the residual is {residual:.2f} px.")
             is_off |= len(part) >= _FEWEST_OFF and residual > max(_MOST_EPIPOLAR_PX, _MOST_EPIPOLAR_SHARE * motion)
-    share = float(np.median(known[:, 1] / np.maximum(known[:, 0], 1.0)))
-    severity = _severity(share, float(np.median(known[:, 1])))
+    share = float(np.median(finite[:, 1] / np.maximum(finite[:, 0], 1.0)))
+    severity = _severity(share, float(np.median(finite[:, 1])))
     differs = _depth_disagreement(evidence)
     sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
     if not evidence.has_depth:
@@ -368,12 +374,12 @@ def _nearest_quarter_px(evidence: Evidence) -> float:
     Errors of the poses move nearly all points off their lines; traffic moves its own.
     """
     relative = [relative_pose(evidence.poses, pair) for pair in evidence.pairs]
-    found = [
-        np.quantile(np.abs(epipolar_px(pair, one, evidence.camera, AS_GIVEN)), 0.25)
-        for pair, one in zip(evidence.pairs, relative, strict=True)
-        if np.isfinite(one).all()
+    quantiles = [
+        np.quantile(np.abs(epipolar_px(pair, pose, evidence.camera, AS_GIVEN)), 0.25)
+        for pair, pose in zip(evidence.pairs, relative, strict=True)
+        if np.isfinite(pose).all()
     ]
-    return float(np.median(found))
+    return float(np.median(quantiles))
 
 
 def _opening(evidence: Evidence) -> str:
@@ -403,7 +409,7 @@ def _depth_disagreement(evidence: Evidence) -> float | None:
 
 def _depth_differences(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
     """(m,) float64: absolute differences relative to the measured depth."""
-    known = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
-    points = evidence.camera.unproject(pair.uv_first[known], pair.depth_first_m[known])
-    measured = pair.depth_second_m[known]
+    has_depths = np.isfinite(pair.depth_first_m) & np.isfinite(pair.depth_second_m)
+    points = evidence.camera.unproject(pair.uv_first[has_depths], pair.depth_first_m[has_depths])
+    measured = pair.depth_second_m[has_depths]
     return np.abs(transform(relative_pose(evidence.poses, pair), points)[:, 2] - measured) / measured

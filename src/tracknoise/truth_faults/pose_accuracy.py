@@ -156,7 +156,7 @@ def rigid_share(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per coordinate, source of the pose errors and age of a condition."""
     units = units_of(sums, sums, points=_POINT, columns=_SUMS, groups=draws.groups)
-    found = pooled(units, draws.weights(units), _shares, method)
+    estimates = pooled(units, draws.weights(units), _shares, method)
     labels = pl.DataFrame({"coordinate": _COORDINATES}).join(units.points, how="cross")
     total = units.sums.sum(axis=0).T
     n = np.tile(total[0], len(_COORDINATES))
@@ -164,7 +164,7 @@ def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
         name: pl.Series(_by_coordinate(total[places]).ravel() / n)
         for name, places in (("second_px2", slice(1, 3)), ("left_px2", slice(3, 5)))
     }
-    rows = estimated(labels, found, units, RIGID_SHARE, value="share").with_columns(pl.Series("n", n), **moments)
+    rows = estimated(labels, estimates, units, RIGID_SHARE, value="share").with_columns(pl.Series("n", n), **moments)
     return rows.with_columns(pl.col("share", "low", "high").fill_nan(None)).drop_nulls("share")
 
 
@@ -226,8 +226,8 @@ def _pose_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Dat
     """One row per source of the pose errors of a condition."""
     columns = ["n", "cut_error", "cut_rigid", "cut_unknown"]
     units = units_of(sums, sums, points=["fitted_to"], columns=columns, groups=draws.groups)
-    found = pooled(units, draws.weights(units), _cut_shares, method)
-    rows = estimated(units.points, found, units, POSE_SHARE, value="share")
+    estimates = pooled(units, draws.weights(units), _cut_shares, method)
+    rows = estimated(units.points, estimates, units, POSE_SHARE, value="share")
     n, error, _, unknown = units.sums.sum(axis=0).T
     part = pl.Series(unknown / np.maximum(error + unknown, 1e-300))
     low, high = pl.col("low") * (1.0 - part), pl.col("high") * (1.0 - part) + part
@@ -307,8 +307,8 @@ def _pose_law_rows(growth: pl.DataFrame, draws: Draws, method: Method) -> pl.Dat
     units = units_of(sums, points=["lag"], columns=_LAW_COLUMNS, groups=draws.groups)
     lag = units.points["lag"].to_numpy().astype(np.float64)
     sizes = units.sums[..., 0].sum(axis=1)[None]
-    found = pooled(units, draws.weights(units), lambda sums: _fitted(sums, lag), method, sizes=sizes)
-    return estimated(_LABELS, found, units, POSE_LAW, value="value").with_columns(
+    estimates = pooled(units, draws.weights(units), lambda sums: _fitted(sums, lag), method, sizes=sizes)
+    return estimated(_LABELS, estimates, units, POSE_LAW, value="value").with_columns(
         pl.col("low", "high").fill_nan(None), n=pl.lit(int(sums["n"].sum()))
     )
 
@@ -322,7 +322,7 @@ def _fitted(sums: NDArray[np.float64], lag: NDArray[np.float64]) -> NDArray[np.f
     count, seen = sums[0], sums[3]
     turned, moved = (total / np.maximum(count, 1.0) for total in sums[1:3])
     rigid, error, *by = (total / np.maximum(seen, 1.0) for total in sums[4:])
-    by_deg, by_m = (np.where(seen > 0, one, 1.0) for one in by)
+    by_deg, by_m = (np.where(seen > 0, px2, 1.0) for px2 in by)
     k = lag.reshape(-1, *[1] * (count.ndim - 1)) * np.ones_like(count)
     nothing = np.zeros_like(k)
     of_deg, of_m = [2.0 * by_deg, k * by_deg], [2.0 * by_m, k * by_m]
@@ -348,16 +348,16 @@ def _non_negative(squares: NDArray[np.float64], right: NDArray[np.float64]) -> N
     n = right.shape[-1]
     best, least = np.zeros_like(right), np.zeros(right.shape[:-1])
     for free in chain.from_iterable(combinations(range(n), count) for count in range(1, n + 1)):
-        some, of_some = squares[..., np.array(free)[:, None], free], right[..., free]
-        size = np.sqrt(np.maximum(np.einsum("...ii->...i", some), 1e-300))
-        scaled = some / (size[..., :, None] * size[..., None, :])
-        found = np.einsum("...ij,...j->...i", np.linalg.pinv(scaled, hermitian=True), of_some / size) / size
-        loss = -np.sum(found * of_some, axis=-1)
-        better = (found >= 0.0).all(axis=-1) & (loss < least * (1.0 + _ROUNDING))
+        part, of_part = squares[..., np.array(free)[:, None], free], right[..., free]
+        size = np.sqrt(np.maximum(np.einsum("...ii->...i", part), 1e-300))
+        scaled = part / (size[..., :, None] * size[..., None, :])
+        solution = np.einsum("...ij,...j->...i", np.linalg.pinv(scaled, hermitian=True), of_part / size) / size
+        loss = -np.sum(solution * of_part, axis=-1)
+        better = (solution >= 0.0).all(axis=-1) & (loss < least * (1.0 + _ROUNDING))
         least = np.where(better, loss, least)
-        whole = np.zeros_like(best)
-        whole[..., free] = found
-        best = np.where(better[..., None], whole, best)
+        placed = np.zeros_like(best)
+        placed[..., free] = solution
+        best = np.where(better[..., None], placed, best)
     return best
 
 

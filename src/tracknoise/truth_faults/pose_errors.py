@@ -94,10 +94,10 @@ def adjoints(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     With T = (R, t), Ad(T) (rho, phi) = (R rho + t x R phi, R phi). Shapes: poses (n, 4, 4); returns (n, 6, 6).
     """
     rotation, position = poses[:, :3, :3], poses[:, :3, 3]
-    found = np.zeros((len(poses), 6, 6))
-    found[:, :3, :3] = found[:, 3:, 3:] = rotation
-    found[:, :3, 3:] = np.cross(position[:, :, None], rotation, axis=1)
-    return found
+    matrices = np.zeros((len(poses), 6, 6))
+    matrices[:, :3, :3] = matrices[:, 3:, 3:] = rotation
+    matrices[:, :3, 3:] = np.cross(position[:, :, None], rotation, axis=1)
+    return matrices
 
 
 REACH = 16
@@ -162,10 +162,10 @@ def rigid_rows(
     """The rows of one condition of a sequence."""
     mine = sequence.seen.visible & (sequence.seen.condition == condition)
     has_point: NDArray[np.bool_] = np.isfinite(points.world[:, 0])
-    known = mine & has_point[sequence.track_row]
-    share = min(1.0, most / max(int(np.count_nonzero(known)), 1))
+    usable = mine & has_point[sequence.track_row]
+    share = min(1.0, most / max(int(np.count_nonzero(usable)), 1))
     used = (points.hashed >> np.uint64(11)) * 2.0**-53 < share
-    rows = sequence.ordered_where(known & used[sequence.track_row])
+    rows = sequence.ordered_where(usable & used[sequence.track_row])
     return _with_equations(sequence, geometry, rows, points)
 
 
@@ -222,7 +222,7 @@ def _with_equations(
     shift = _displacement(sequence, geometry, rows[before[late]], points.world)
     moved[late] = np.einsum("nij,nj->ni", jacobian[late, :, :3], shift)
     speed = seen.speed[rows]
-    made = RigidRows(
+    equations = RigidRows(
         zero=zero // speed,
         frame=frame // speed,
         again=np.where(again < 0, -1, again // speed),
@@ -231,7 +231,7 @@ def _with_equations(
         error_px=errors,
         again_px=errors - moved,
     )
-    return made.chosen((frame != zero) & np.isfinite(made.jacobian).all(axis=(1, 2)))
+    return equations.chosen((frame != zero) & np.isfinite(equations.jacobian).all(axis=(1, 2)))
 
 
 def by_motion(
@@ -252,8 +252,8 @@ def _beginnings(
     wide = frame.max(initial=0) + 1
     numbers, wanted = place_of_track * wide + frame, place_of_track * wide + again
     place = np.minimum(np.searchsorted(numbers, wanted), max(len(numbers) - 1, 0))
-    found = numbers[place] == wanted
-    return np.where(found | (steps == 0), again, -1), np.where(found & (steps > 0), place, -1)
+    is_seen = numbers[place] == wanted
+    return np.where(is_seen | (steps == 0), again, -1), np.where(is_seen & (steps > 0), place, -1)
 
 
 def _displacement(
@@ -329,8 +329,8 @@ def normal_equations(rows: RigidRows, weight: NDArray[np.float64], axes: NDArray
     start, end = np.divmod(codes, n_frames)
     squares, right = _sums(rows, weight, pair, len(codes))
     band, total = np.zeros((_WIDTH, 6 * n_frames)), np.zeros((n_frames, 6))
-    for one, other, sign in ((start, start, 1.0), (end, end, 1.0), (end, start, -1.0)):
-        _add_blocks(band, one, other, sign * np.swapaxes(axes[one], 1, 2) @ squares @ axes[other])
+    for first, second, sign in ((start, start, 1.0), (end, end, 1.0), (end, start, -1.0)):
+        _add_blocks(band, first, second, sign * np.swapaxes(axes[first], 1, 2) @ squares @ axes[second])
     for frame, sign in ((start, 1.0), (end, -1.0)):
         np.add.at(total, frame, sign * np.einsum("nji,nj->ni", axes[frame], right))
     begun = rows.again[np.abs(rows.frame - rows.again) == 1]
@@ -345,20 +345,20 @@ def _sums(
     columns = np.ascontiguousarray(np.transpose(rows.jacobian, (2, 1, 0)))  # (6, 2, n)
     weighted = columns * weight
     squares, right = np.empty((count, 6, 6)), np.empty((count, 6))
-    for one in range(6):
-        right[:, one] = np.bincount(pair, (weighted[one] * rows.again_px.T).sum(axis=0), count)
-        for other in range(one + 1):
-            products = (weighted[one] * columns[other]).sum(axis=0)
-            squares[:, one, other] = squares[:, other, one] = np.bincount(pair, products, count)
+    for row in range(6):
+        right[:, row] = np.bincount(pair, (weighted[row] * rows.again_px.T).sum(axis=0), count)
+        for column in range(row + 1):
+            products = (weighted[row] * columns[column]).sum(axis=0)
+            squares[:, row, column] = squares[:, column, row] = np.bincount(pair, products, count)
     return squares, right
 
 
 def _add_blocks(
-    band: NDArray[np.float64], one: NDArray[np.int64], other: NDArray[np.int64], blocks: NDArray[np.float64]
+    band: NDArray[np.float64], first: NDArray[np.int64], second: NDArray[np.int64], blocks: NDArray[np.float64]
 ) -> None:
     """Add blocks (n, 6, 6), with frames (n,) of their rows and columns, to the lower part of a symmetric matrix."""
-    late = (one >= other)[:, None, None]
-    row, column = 6 * np.maximum(one, other), 6 * np.minimum(one, other)
+    late = (first >= second)[:, None, None]
+    row, column = 6 * np.maximum(first, second), 6 * np.minimum(first, second)
     placed = np.where(late, blocks, np.swapaxes(blocks, 1, 2))
     for down in range(6):
         for across in range(6):
@@ -390,8 +390,8 @@ def _weights(residual_px: NDArray[np.float64], lag: NDArray[np.int64]) -> NDArra
     """Weights of a Cauchy distribution with the scale of each lag."""
     size = np.hypot(*residual_px.T)
     scale = np.full(REACH + 1, _LEAST_SCALE_PX)
-    for one in np.unique(lag):
-        scale[one] = max(float(np.median(size[lag == one])) / _MEDIAN_SIZE, _LEAST_SCALE_PX)
+    for step in np.unique(lag):
+        scale[step] = max(float(np.median(size[lag == step])) / _MEDIAN_SIZE, _LEAST_SCALE_PX)
     return np.asarray(1.0 / (scale[lag] ** 2 + (size / _TAIL) ** 2))
 
 
@@ -419,19 +419,19 @@ def pose_growth(
     Shapes: poses (frames, 4, 4). Returns: sorted by lag; only lags that two known poses have. `halves`: NaN where
     unknown. None where no tracker saw images: the table then has no rows. `moved`: columns of `image_motion`.
     """
-    one, other = halves
-    if one is None or other is None:
+    first, second = halves
+    if first is None or second is None:
         return empty(POSE_GROWTH)
     in_camera = adjoints(invert(poses))
     units = np.repeat([np.rad2deg(1.0), unit_m], 3)
     rows = []
     for step in STEPS:
-        relative = [np.einsum("nij,nj->ni", in_camera[step:], eta[:-step] - eta[step:]) for eta in (one, other)]
+        relative = [np.einsum("nij,nj->ni", in_camera[step:], eta[:-step] - eta[step:]) for eta in (first, second)]
         products = (relative[0] * relative[1])[:, _ROTATION_FIRST] * units**2
-        known = products[np.isfinite(products).all(axis=1)]
-        if len(known):
-            roots = [_established_root(known[:, axes], step) for axes in (slice(0, 3), slice(3, 6))]
-            rows.append([step * speed, len(known), *roots, *known.mean(axis=0)])
+        finite = products[np.isfinite(products).all(axis=1)]
+        if len(finite):
+            roots = [_established_root(finite[:, axes], step) for axes in (slice(0, 3), slice(3, 6))]
+            rows.append([step * speed, len(finite), *roots, *finite.mean(axis=0)])
     table = pl.DataFrame(rows, schema=_NUMBERS, orient="row").join(moved, on="lag", how="left")
     named = labels.join(table, how="cross").select(list(POSE_GROWTH))
     return check(named, POSE_GROWTH, "pose growth")
@@ -461,7 +461,7 @@ def image_motion(
     rigid_px2 and error_px2 by their own halves. px2_per_degree and px2_per_metre of a relative pose error of one degree
     about each axis, and of one metre along each, as in (truth.floor).
     """
-    parts = [_image_sums(one, rigid, axes, unit_m) for one in trackers if one.is_witness]
+    parts = [_image_sums(tracker, rigid, axes, unit_m) for tracker in trackers if tracker.is_witness]
     sums = pl.concat(
         [pl.DataFrame(schema={"lag": pl.Int64, "n": pl.Int64, **dict.fromkeys(_IMAGE, pl.Float64)}), *parts]
     )
@@ -469,31 +469,31 @@ def image_motion(
     return means.select((pl.col("lag") * speed).cast(POSE_GROWTH["lag"]), *_IMAGE)
 
 
-def _image_sums(one: "PoseWitness", rigid: pl.DataFrame, axes: NDArray[np.float64], unit_m: float) -> pl.DataFrame:
+def _image_sums(tracker: "PoseWitness", rigid: pl.DataFrame, axes: NDArray[np.float64], unit_m: float) -> pl.DataFrame:
     """Counts and sums of one tracker by steps, of steps at which table `RIGID` knows its share."""
-    step = np.abs(one.rows.frame - one.rows.zero)
-    inside = np.hypot(*one.rows.error_px.T) <= CUT * scales(step.astype(np.intp), one.rows.error_px)
-    squares = np.column_stack([np.sum(one.rows.error_px**2, axis=1), _squared_motion(one.rows, axes, unit_m)])
+    step = np.abs(tracker.rows.frame - tracker.rows.zero)
+    inside = np.hypot(*tracker.rows.error_px.T) <= CUT * scales(step.astype(np.intp), tracker.rows.error_px)
+    squares = np.column_stack([np.sum(tracker.rows.error_px**2, axis=1), _squared_motion(tracker.rows, axes, unit_m)])
     sums = [np.bincount(step[inside], column[inside]) for column in squares.T]
     names = dict(zip(_IMAGE[1:], sums, strict=True))
     table = pl.DataFrame({"lag": np.arange(len(sums[0])), "n": np.bincount(step[inside]), **names})
-    own = rigid.join(one.labels, on=["tracker", "speed"], how="semi").filter(fitted_to=FittedTo.own)
-    by_step = own.group_by(lag=(pl.col("age") // pl.col("speed")).cast(pl.Int64))
+    fitted_to_own = rigid.join(tracker.labels, on=["tracker", "speed"], how="semi").filter(fitted_to=FittedTo.own)
+    by_step = fitted_to_own.group_by(lag=(pl.col("age") // pl.col("speed")).cast(pl.Int64))
     shares = by_step.agg(share=pl.col("cut_rigid").sum() / pl.col("cut_error").sum()).filter(
         pl.col("share").is_finite()
     )
-    known = table.join(shares, on="lag").filter(pl.col("n") > 0)
-    return known.select("lag", "n", *_IMAGE[1:], rigid_px2=pl.col("share") * pl.col("error_px2")).select(
+    with_shares = table.join(shares, on="lag").filter(pl.col("n") > 0)
+    return with_shares.select("lag", "n", *_IMAGE[1:], rigid_px2=pl.col("share") * pl.col("error_px2")).select(
         "lag", "n", *_IMAGE
     )
 
 
 def _squared_motion(rows: RigidRows, axes: NDArray[np.float64], unit_m: float) -> NDArray[np.float64]:
     """(n, 2): px^2 of one degree about each axis of the camera, and of one metre along each."""
-    here, there = (np.einsum("nij,njk->nik", rows.jacobian, axes[frame]) for frame in (rows.frame, rows.zero))
-    turned = 0.5 * (here[:, :, 3:] ** 2 + there[:, :, 3:] ** 2)
-    squares = np.deg2rad(1.0) ** 2 * turned, here[:, :, :3] ** 2 / unit_m**2
-    return np.stack([one.sum(axis=(1, 2)) for one in squares], axis=1)
+    at_frame, at_zero = (np.einsum("nij,njk->nik", rows.jacobian, axes[frame]) for frame in (rows.frame, rows.zero))
+    turned = 0.5 * (at_frame[:, :, 3:] ** 2 + at_zero[:, :, 3:] ** 2)
+    squares = np.deg2rad(1.0) ** 2 * turned, at_frame[:, :, :3] ** 2 / unit_m**2
+    return np.stack([square.sum(axis=(1, 2)) for square in squares], axis=1)
 
 
 MOST_ROWS = 1_000_000
@@ -605,7 +605,7 @@ def rigid_tables(
     ]
     parts = [rigid_sums(tracker, trackers, axes, steps=STEPS) for tracker in trackers]
     rigid = pl.concat([empty(RIGID), *parts]).sort(_KEYS)
-    halves = [_solved([one.halves[half] for one in trackers if one.is_witness], axes) for half in (0, 1)]
+    halves = [_solved([witness.halves[half] for witness in trackers if witness.is_witness], axes) for half in (0, 1)]
     moved = image_motion(trackers, rigid, axes, unit_m=unit_m, speed=speed)
     labels = conditions.select(*SEQUENCE).head(1)
     grown = pose_growth(labels, poses, halves, moved, unit_m=unit_m, speed=speed)
@@ -615,16 +615,16 @@ def rigid_tables(
 def _unit_m(sequence: PreparedSequence) -> float | None:
     """Median depth of the tracks, metres; None where none is known, or points are fitted to whole tracks."""
     depth_m = sequence.tracks["depth_m"].drop_nulls().to_numpy()
-    known = depth_m[depth_m > 0.0]
-    if not len(known) or set(EPIPOLAR) <= set(sequence.observations.columns):
+    positive = depth_m[depth_m > 0.0]
+    if not len(positive) or set(EPIPOLAR) <= set(sequence.observations.columns):
         return None
-    return float(np.median(known))
+    return float(np.median(positive))
 
 
 def axes_of(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Ad of each pose, (frames, 6, 6); of no motion where there is no pose."""
-    known = np.isfinite(poses).all(axis=(1, 2), keepdims=True)
-    return adjoints(np.where(known, poses, np.eye(4)))
+    has_pose = np.isfinite(poses).all(axis=(1, 2), keepdims=True)
+    return adjoints(np.where(has_pose, poses, np.eye(4)))
 
 
 def _solved(normals: Sequence[Normal], axes: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -636,26 +636,26 @@ def rigid_sums(
     tracker: PoseWitness, trackers: Sequence[PoseWitness], axes: NDArray[np.float64], *, steps: Iterable[int]
 ) -> pl.DataFrame:
     """Rows of `RIGID` of one tracker at some steps; none of what is not predicted anywhere."""
-    others = [other for other in trackers if other.is_witness and other is not tracker]
+    witnesses = [witness for witness in trackers if witness.is_witness and witness is not tracker]
     by_own = _cross_predicted(tracker.rows, [tracker], axes)
-    by_others = _cross_predicted(tracker.rows, others, axes)
-    taken = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
+    by_others = _cross_predicted(tracker.rows, witnesses, axes)
+    chosen = np.isin(np.abs(tracker.rows.frame - tracker.rows.zero), list(steps))
     block = first_visits(axes) * BLOCKS // len(axes)
     tables = [
-        _summed(tracker, by, name, block, taken) for name, by in ((FittedTo.own, by_own), (FittedTo.others, by_others))
+        _summed(tracker, by, name, block, chosen) for name, by in ((FittedTo.own, by_own), (FittedTo.others, by_others))
     ]
     return pl.concat([empty(RIGID), *tables])
 
 
 def _cross_predicted(rows: RigidRows, sources: Sequence[PoseWitness], axes: NDArray[np.float64]) -> NDArray[np.float64]:
     """Errors of the rows as the other half of the tracks of some trackers predicts them, (n, 2), px; NaN if unknown."""
-    found = np.full_like(rows.error_px, np.nan)
+    predictions = np.full_like(rows.error_px, np.nan)
     for half in (0, 1):
         eta = _solved([source.halves[1 - half] for source in sources], axes)
         held = rows.half == half
         if eta is not None:
-            found[held] = predicted(eta, rows.jacobian[held], rows.zero[held], rows.frame[held])
-    return found
+            predictions[held] = predicted(eta, rows.jacobian[held], rows.zero[held], rows.frame[held])
+    return predictions
 
 
 def _summed(
@@ -663,13 +663,13 @@ def _summed(
     prediction: NDArray[np.float64],
     name: FittedTo,
     block_of: NDArray[np.intp],
-    taken: NDArray[np.bool_],
+    at_steps: NDArray[np.bool_],
 ) -> pl.DataFrame:
     """Sums of squares and products by block of frames and distance from where errors are zero; of what is predicted."""
     rows = tracker.rows
-    known = np.asarray(np.isfinite(prediction).all(axis=1))
-    chosen = taken if np.any(taken & known) else np.zeros_like(taken)
-    error, fitted, known = rows.error_px[chosen], prediction[chosen], known[chosen]
+    is_known = np.asarray(np.isfinite(prediction).all(axis=1))
+    chosen = at_steps if np.any(at_steps & is_known) else np.zeros_like(at_steps)
+    error, fitted, is_known = rows.error_px[chosen], prediction[chosen], is_known[chosen]
     steps = np.abs(rows.frame - rows.zero)[chosen]
     (block, step), group = number_combinations([block_of[rows.frame[chosen]], steps])
     cut_error, cut_rigid = cut_products(error, fitted, steps)
@@ -680,10 +680,10 @@ def _summed(
         for place, axis in enumerate("uv")
     }
     columns |= {"cut_error": cut_error, "cut_rigid": cut_rigid}
-    sums = {name: np.bincount(group[known], values[known], len(block)) for name, values in columns.items()}
-    sums["cut_unknown"] = np.bincount(group[~known], cut_error[~known], len(block))
+    sums = {name: np.bincount(group[is_known], values[is_known], len(block)) for name, values in columns.items()}
+    sums["cut_unknown"] = np.bincount(group[~is_known], cut_error[~is_known], len(block))
     labels = tracker.labels[[0] * len(block)]
-    n = pl.Series("n", np.bincount(group[known], minlength=len(block)))
+    n = pl.Series("n", np.bincount(group[is_known], minlength=len(block)))
     counted = labels.with_columns(
         pl.lit(name).alias("fitted_to"), n, block=pl.Series(block), age=pl.Series(step) * pl.col("speed"), **sums
     )

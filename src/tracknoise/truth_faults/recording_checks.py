@@ -97,8 +97,8 @@ def intrinsics(sequence: Sequence) -> Item:
 
 def _known_poses(sequence: Sequence) -> NDArray[np.float64]:
     poses = sequence.world_from_camera
-    known: NDArray[np.float64] = poses[np.isfinite(poses).all(axis=(1, 2))]
-    return known
+    known_poses: NDArray[np.float64] = poses[np.isfinite(poses).all(axis=(1, 2))]
+    return known_poses
 
 
 _JUMP_STEPS, _JUMP_AROUND = 8.0, 3.0
@@ -113,8 +113,8 @@ def pose_jumps(sequence: Sequence) -> Item:
     """Steps of the camera that are far larger than their neighbours."""
     poses = sequence.world_from_camera
     moved_m, turned_deg = steps_of(poses)
-    known = np.isfinite(moved_m)
-    if known.sum() < 3:
+    has_step = np.isfinite(moved_m)
+    if has_step.sum() < 3:
         return Item("pose jumps", Severity.unknown, "There are too few poses in a row to look for jumps.")
     (far, jumped_m), (wide, jumped_deg) = (
         _jumps(steps, [steps_of(poses, frames)[kind] for frames in _AWAY], least)
@@ -206,8 +206,8 @@ def _jumps(
 
 def _median(values: NDArray[np.float64]) -> float:
     """The median, which steps are divided by: never 0."""
-    known = values[np.isfinite(values)]
-    return max(float(np.median(known)), 1e-12) if len(known) else 1e-12
+    finite = values[np.isfinite(values)]
+    return max(float(np.median(finite)), 1e-12) if len(finite) else 1e-12
 
 
 _MOST_READ = 100
@@ -223,13 +223,13 @@ def copies(scenes: ListOf[Sequence]) -> list[tuple[Sequence, Sequence]]:
     motion that scenes share, and no copy.
     """
     recorded = [place for place, scene in enumerate(scenes) if scene.surface is None]  # others take long to make
-    every = [recorded] if len(scenes) <= _MOST_READ else []
-    found: dict[int, int] = {}
-    for places in [*every, *_same_poses(scenes)]:
+    groups = [recorded] if len(scenes) <= _MOST_READ else []
+    earlier_of: dict[int, int] = {}
+    for places in [*groups, *_same_poses(scenes)]:
         for place, earlier in _same_first_image(scenes, places):
-            if place not in found and _same_images(scenes[earlier], scenes[place]):
-                found[place] = earlier
-    return [(scenes[place], scenes[found[place]]) for place in sorted(found)]
+            if place not in earlier_of and _same_images(scenes[earlier], scenes[place]):
+                earlier_of[place] = earlier
+    return [(scenes[place], scenes[earlier_of[place]]) for place in sorted(earlier_of)]
 
 
 def _same_poses(scenes: ListOf[Sequence]) -> list[list[int]]:
@@ -246,9 +246,9 @@ def _same_poses(scenes: ListOf[Sequence]) -> list[list[int]]:
     return [group for groups in alike.values() for group in groups if len(group) > 1]
 
 
-def _agree(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    n = min(len(one), len(other))
-    return np.array_equal(one[:n], other[:n], equal_nan=True)
+def _agree(first: NDArray[np.float64], second: NDArray[np.float64]) -> bool:
+    n = min(len(first), len(second))
+    return np.array_equal(first[:n], second[:n], equal_nan=True)
 
 
 def _same_first_image(scenes: ListOf[Sequence], places: ListOf[int]) -> Iterator[tuple[int, int]]:
@@ -256,13 +256,13 @@ def _same_first_image(scenes: ListOf[Sequence], places: ListOf[int]) -> Iterator
     first: dict[str, int] = {}
     for place in places:
         digest = _digest(scenes[place], 0)
-        if digest is not None and (other := first.setdefault(digest, place)) != place:
-            yield place, other
+        if digest is not None and (earliest := first.setdefault(digest, place)) != place:
+            yield place, earliest
 
 
-def _same_images(one: Sequence, other: Sequence) -> bool:
-    last = min(len(one), len(other)) - 1
-    digests = [(_digest(one, index), _digest(other, index)) for index in sorted({0, last // 2, last})]
+def _same_images(first: Sequence, second: Sequence) -> bool:
+    last = min(len(first), len(second)) - 1
+    digests = [(_digest(first, index), _digest(second, index)) for index in sorted({0, last // 2, last})]
     return all(a is not None and a == b for a, b in digests)
 
 
@@ -312,18 +312,18 @@ def _sentences(n_scenes: int, continued: ListOf[tuple[str, str]], copied: ListOf
 
 def _continues(first: Sequence, second: Sequence) -> bool:
     """Whether one begins where and when the other ends. Scenes that their reader groups are known already."""
-    known = group_of(first) is not None and group_of(first) == group_of(second)
+    is_grouped = group_of(first) is not None and group_of(first) == group_of(second)
     end, begin = first.world_from_camera[-1], second.world_from_camera[0]
-    if known or min(len(first), len(second)) < 3 or _apart_in_time(first, second):
+    if is_grouped or min(len(first), len(second)) < 3 or _apart_in_time(first, second):
         return False
     if not (np.isfinite(end).all() and np.isfinite(begin).all()) or np.allclose(begin, np.eye(4), atol=1e-9):
         return False  # a recording that begins at the origin of its own world continues no other
     moved, turned = steps_of(np.stack([end, begin]))
-    steps = [np.stack(steps_of(one.world_from_camera)) for one in (first, second)]
-    typical = [every[:, np.isfinite(every).all(axis=0)] for every in steps]
-    if not all(every.size for every in typical):
+    steps = [np.stack(steps_of(scene.world_from_camera)) for scene in (first, second)]
+    typical = [of_scene[:, np.isfinite(of_scene).all(axis=0)] for of_scene in steps]
+    if not all(of_scene.size for of_scene in typical):
         return False  # of a scene without two poses in a row, a typical step is not known
-    most_m, most_deg = np.max([np.median(every, axis=1) for every in typical], axis=0)
+    most_m, most_deg = np.max([np.median(of_scene, axis=1) for of_scene in typical], axis=0)
     return bool(moved[0] <= _MOST_STEPS * most_m and turned[0] <= _MOST_STEPS * max(most_deg, 0.01))
 
 

@@ -83,8 +83,8 @@ class Reading:
             centre = (size - 1) / 2
             return np.asarray(centre + np.sign(self.columns) * (uv - centre)[:, chosen])
         stated = np.array(tracked.raster)
-        at = (uv + 0.5) * (stated / size)
-        turned = np.where(np.array(self.columns) < 0, stated - at[:, chosen], at[:, chosen])
+        in_raster = (uv + 0.5) * (stated / size)
+        turned = np.where(np.array(self.columns) < 0, stated - in_raster[:, chosen], in_raster[:, chosen])
         return np.asarray(turned * (size / np.array(self.raster or tracked.raster)) - 0.5)
 
 
@@ -124,9 +124,9 @@ def _is_possible(raster: tuple[float, float], tracked: Tracked) -> bool:
     ratio = np.array(raster) / np.array(tracked.raster)
     if np.abs(ratio - 1.0).max() < _SAME:
         return False
-    at = (tracked.uv + 0.5) / np.array(tracked.size)
-    inside = ((at >= 0.0) & (at <= ratio)).all(axis=1).mean()
-    beyond = (at > 1.0).mean(axis=0)
+    relative = (tracked.uv + 0.5) / np.array(tracked.size)
+    inside = ((relative >= 0.0) & (relative <= ratio)).all(axis=1).mean()
+    beyond = (relative > 1.0).mean(axis=0)
     return bool(inside > 1.0 - _OUTSIDE and ((ratio < _LARGER) | (beyond > _OUTSIDE)).all())
 
 
@@ -166,32 +166,43 @@ def _pairs(tracked: Tracked) -> Iterator[_Pair]:
     step = int(np.diff(frames).min())
     places = np.linspace(0, len(frames) - 2, min(_MOST_PAIRS, len(frames) - 1))
     for first in frames[np.unique(places.astype(int))].tolist():
-        if (found := _reaching(tracked, rows, first, step)) is not None:
-            second, one, two = found
-            some = np.unique(np.linspace(0, len(one) - 1, _MOST_TRACKS).astype(int))
-            at, there = one[some], two[some]
+        if (reached := _reaching(tracked, rows, first, step)) is not None:
+            second, rows_first, rows_second = reached
+            chosen = np.unique(np.linspace(0, len(rows_first) - 1, _MOST_TRACKS).astype(int))
+            in_first, in_second = rows_first[chosen], rows_second[chosen]
             uv, true = tracked.uv, tracked.true
-            yield _Pair(first, second, tracked.track[at], uv[at], uv[there], true[at], true[there], uv[rows[second]])
+            yield _Pair(
+                first,
+                second,
+                tracked.track[in_first],
+                uv[in_first],
+                uv[in_second],
+                true[in_first],
+                true[in_second],
+                uv[rows[second]],
+            )
 
 
 def _reaching(
     tracked: Tracked, rows: Mapping[int, NDArray[np.intp]], first: int, step: int
 ) -> tuple[int, NDArray[np.intp], NDArray[np.intp]] | None:
     """The first later frame in which tracks have moved far enough, and the rows of those that are in both frames."""
-    found, most = None, 0
+    reached, most = None, 0
     for gap in _GAPS:
         second = first + gap * step
         if second not in rows:
             continue
-        _, one, two = np.intersect1d(tracked.track[rows[first]], tracked.track[rows[second]], return_indices=True)
-        most = max(most, len(one))
-        if len(one) < max(_FEWEST, _KEPT_SHARE * most):
+        _, in_first, in_second = np.intersect1d(
+            tracked.track[rows[first]], tracked.track[rows[second]], return_indices=True
+        )
+        most = max(most, len(in_first))
+        if len(in_first) < max(_FEWEST, _KEPT_SHARE * most):
             break
-        found = second, rows[first][one], rows[second][two]
-        moved = tracked.uv[found[2]] - tracked.uv[found[1]]
+        reached = second, rows[first][in_first], rows[second][in_second]
+        moved = tracked.uv[reached[2]] - tracked.uv[reached[1]]
         if float(np.median(np.hypot(*moved.T))) >= _MOTION_PX:
             break
-    return found
+    return reached
 
 
 class _Patches:
@@ -270,8 +281,8 @@ class Agreement:
     @property
     def score(self) -> float:
         """By which readings are ranked."""
-        known = self.n_pairs >= _FEWEST_PAIRS and self.loss < _UNRELATED
-        return self.corner - float(np.log(max(self.loss, _LEAST_LOSS))) if known else -np.inf
+        is_known = self.n_pairs >= _FEWEST_PAIRS and self.loss < _UNRELATED
+        return self.corner - float(np.log(max(self.loss, _LEAST_LOSS))) if is_known else -np.inf
 
 
 _FEWEST_PAIRS = 4
@@ -296,15 +307,15 @@ def agreements(tracked: Tracked, image: Image) -> list[Agreement]:
     patches, pairs = _Patches(image), list(_pairs(tracked))
     if len(pairs) < _FEWEST_PAIRS:
         return []
-    given = [_of_pair(AS_GIVEN, tracked, pair, patches) for pair in pairs]
-    found = [_shuffled(pairs, given, patches)]
+    as_given = [_of_pair(AS_GIVEN, tracked, pair, patches) for pair in pairs]
+    tried = [_shuffled(pairs, as_given, patches)]
     for reading in readings(tracked):
         first = [_of_pair(reading, tracked, pair, patches) for pair in pairs[::_EVERY]]
-        if not _compared(reading, first, given[::_EVERY]).ratio > _HOPELESS:
+        if not _compared(reading, first, as_given[::_EVERY]).ratio > _HOPELESS:
             under = [_of_pair(reading, tracked, pair, patches) for pair in pairs]
-            found.append(_compared(reading, under, given))
-    stray = [_compared(STRAY, [_of_truth(pair, patches) for pair in pairs], given)] if _are_far(pairs) else []
-    return [*sorted(found, key=lambda one: -one.score), *stray]
+            tried.append(_compared(reading, under, as_given))
+    stray = [_compared(STRAY, [_of_truth(pair, patches) for pair in pairs], as_given)] if _are_far(pairs) else []
+    return [*sorted(tried, key=lambda agreement: -agreement.score), *stray]
 
 
 def wrong_reading(tracked: Tracked, image: Image) -> Reading | None:
@@ -312,7 +323,7 @@ def wrong_reading(tracked: Tracked, image: Image) -> Reading | None:
 
     `STRAY` where none is right, but the images follow the truth at the positions as given.
     """
-    return next((one.reading for one in agreements(tracked, image) if one.is_better), None)
+    return next((agreement.reading for agreement in agreements(tracked, image) if agreement.is_better), None)
 
 
 _BETWEEN = (-0.25, 0.0, 0.25, 0.5, 0.75, 1.0, 1.25)
@@ -333,23 +344,23 @@ def most_confirmed(tracked: Tracked, image: Image) -> float | None:
         If an image cannot be read.
     """
     patches = _Patches(image)
-    found = np.array([_way(pair, patches) for pair in _pairs(tracked)])
-    found = found[np.isfinite(found)]
-    if len(found) < 2 * _FEWEST_PAIRS:
+    shares = np.array([_way(pair, patches) for pair in _pairs(tracked)])
+    shares = shares[np.isfinite(shares)]
+    if len(shares) < 2 * _FEWEST_PAIRS:
         return None
-    return float(found.mean() + 2.0 * found.std(ddof=1) / np.sqrt(len(found)))
+    return float(shares.mean() + 2.0 * shares.std(ddof=1) / np.sqrt(len(shares)))
 
 
 def _way(pair: _Pair, patches: _Patches) -> float:
     """Where on the way from the truth, 0, to the tracks of a pair, 1, patches agree best; NaN where it is unknown."""
     error = (pair.uv_second - pair.uv_first) - (pair.true_second - pair.true_first)
-    known = np.flatnonzero(np.isfinite(error).all(axis=1))
-    if len(known) < _FEWEST or float(np.median(np.hypot(*error[known].T))) < _LEAST_ERROR_PX:
+    places = np.flatnonzero(np.isfinite(error).all(axis=1))
+    if len(places) < _FEWEST or float(np.median(np.hypot(*error[places].T))) < _LEAST_ERROR_PX:
         return np.nan
-    first = patches.of(pair.first, pair.true_first[known])
+    first = patches.of(pair.first, pair.true_first[places])
     losses = np.array(
         [
-            1.0 - correlation(first, patches.of(pair.second, pair.true_second[known] + part * error[known]))
+            1.0 - correlation(first, patches.of(pair.second, pair.true_second[places] + part * error[places]))
             for part in _BETWEEN
         ]
     )
@@ -388,11 +399,11 @@ def _are_far(pairs: Sequence[_Pair]) -> bool:
     """Whether tracks move otherwise than the truth by nearly as much as it moves, where that is far."""
     moved = np.concatenate([np.empty((0, 2)), *(pair.true_second - pair.true_first for pair in pairs)])
     observed = np.concatenate([np.empty((0, 2)), *(pair.uv_second - pair.uv_first for pair in pairs)])
-    known = np.isfinite(moved).all(axis=1)
-    if known.sum() < _FEWEST:
+    is_known = np.isfinite(moved).all(axis=1)
+    if is_known.sum() < _FEWEST:
         return False
-    motion = float(np.median(np.hypot(*moved[known].T)))
-    error = float(np.median(np.hypot(*(observed - moved)[known].T)))
+    motion = float(np.median(np.hypot(*moved[is_known].T)))
+    error = float(np.median(np.hypot(*(observed - moved)[is_known].T)))
     return motion >= _MOTION_PX and error > _FAR * motion
 
 
@@ -401,13 +412,17 @@ _FAR = 0.8
 
 def _compared(reading: Reading, under: Sequence[_Values | None], given: Sequence[_Values | None]) -> Agreement:
     """A reading beside positions as given, in the pairs that both have."""
-    both = [(one, two) for one, two in zip(under, given, strict=True) if one is not None and two is not None]
-    losses = _known(_means(one[0], two[0]) for one, two in both)
-    corners = _known(_means(one[1], two[1]) for one, two in both)
+    pairs = [
+        (of_reading, as_given)
+        for of_reading, as_given in zip(under, given, strict=True)
+        if of_reading is not None and as_given is not None
+    ]
+    losses = _known(_means(of_reading[0], as_given[0]) for of_reading, as_given in pairs)
+    corners = _known(_means(of_reading[1], as_given[1]) for of_reading, as_given in pairs)
     loss, loss_given = losses.T
     if not len(losses):
-        own = np.array([_means(one[0], one[0])[0] for one, _ in both])
-        loss = own[np.isfinite(own)]
+        loss_under = np.array([_means(of_reading[0], of_reading[0])[0] for of_reading, _ in pairs])
+        loss = loss_under[np.isfinite(loss_under)]
     corner, corner_given = corners.T
     return Agreement(
         reading,
@@ -417,36 +432,36 @@ def _compared(reading: Reading, under: Sequence[_Values | None], given: Sequence
         _in_errors(_smaller(*losses.T)),
         _mean(corner),
         _mean(corner_given),
-        min(_in_errors(corner - corner_given), _in_errors(_of_tracks(both)), key=abs),
+        min(_in_errors(corner - corner_given), _in_errors(_of_tracks(pairs)), key=abs),
     )
 
 
-def _of_tracks(both: Sequence[tuple[_Values, _Values]]) -> NDArray[np.float64]:
+def _of_tracks(pairs: Sequence[tuple[_Values, _Values]]) -> NDArray[np.float64]:
     """How much more a track is a corner under a reading, of each track: pairs of frames show the same tracks."""
-    if not both:
+    if not pairs:
         return np.empty(0)
-    more = np.concatenate([one[1] - two[1] for one, two in both]).astype(np.float64)
-    track = np.concatenate([one[2] for one, _ in both])
-    known = np.isfinite(more)
-    _, place = np.unique(track[known], return_inverse=True)
-    return np.asarray(np.bincount(place, more[known]) / np.maximum(np.bincount(place), 1))
+    more = np.concatenate([of_reading[1] - as_given[1] for of_reading, as_given in pairs]).astype(np.float64)
+    track = np.concatenate([of_reading[2] for of_reading, _ in pairs])
+    is_known = np.isfinite(more)
+    _, place = np.unique(track[is_known], return_inverse=True)
+    return np.asarray(np.bincount(place, more[is_known]) / np.maximum(np.bincount(place), 1))
 
 
 def _known(rows: Iterable[tuple[float, ...]]) -> NDArray[np.float64]:
     """(n, 2) float64: those without NaN."""
-    found = np.array(list(rows), dtype=np.float64).reshape(-1, 2)
-    return found[np.isfinite(found).all(axis=1)]
+    numbers = np.array(list(rows), dtype=np.float64).reshape(-1, 2)
+    return numbers[np.isfinite(numbers).all(axis=1)]
 
 
 def _means(under: NDArray[np.float32], given: NDArray[np.float32]) -> tuple[float, float]:
     """Means over tracks that have both values; over all where these are few, as most of one are outside the image."""
-    known, known_given = np.isfinite(under), np.isfinite(given)
-    both = known & known_given
-    if both.sum() >= _FEWEST:
-        known = known_given = both
-    if known.sum() < _FEWEST or known_given.sum() < _FEWEST:
+    is_known, is_known_given = np.isfinite(under), np.isfinite(given)
+    both_known = is_known & is_known_given
+    if both_known.sum() >= _FEWEST:
+        is_known = is_known_given = both_known
+    if is_known.sum() < _FEWEST or is_known_given.sum() < _FEWEST:
         return np.nan, np.nan
-    return float(under[known].mean()), float(given[known_given].mean())
+    return float(under[is_known].mean()), float(given[is_known_given].mean())
 
 
 def _smaller(loss: NDArray[np.float64], beside: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -478,24 +493,24 @@ def _shuffled(pairs: Sequence[_Pair], given: Sequence[_Values | None], patches: 
 
     Beside the best of others nearby is the best of as many far away, since the best of many is good by chance too.
     """
-    own, by_chance, corners = list[tuple[float, float]](), list[tuple[float, float]](), list[float]()
+    beside_given, by_chance, corners = list[tuple[float, float]](), list[tuple[float, float]](), list[float]()
     for pair, values in zip(pairs, given, strict=True):
         if values is None or not _mean_of_known(values[0]) > _UNRELATED or len(pair.every_second) < 2 * _FEWEST:
             continue
-        some = np.unique(np.linspace(0, len(pair.uv_first) - 1, _ASKED).astype(int))
-        distance = np.hypot(*(pair.uv_first[some, None] - pair.every_second).transpose(2, 0, 1))
+        asked = np.unique(np.linspace(0, len(pair.uv_first) - 1, _ASKED).astype(int))
+        distance = np.hypot(*(pair.uv_first[asked, None] - pair.every_second).transpose(2, 0, 1))
         if float(np.median(np.hypot(*(pair.uv_second - pair.uv_first).T))) < _JUMP * float(np.median(distance)):
             continue
         order, count = np.argsort(distance, axis=1, kind="stable"), min(_NEIGHBOURS, distance.shape[1] // 2)
-        patch = patches.of(pair.first, pair.uv_first[some])
+        patch = patches.of(pair.first, pair.uv_first[asked])
         near, far = (
             _best(patch, patches.of(pair.second, pair.every_second[chosen.ravel()]))
             for chosen in (order[:, :count], order[:, -count:])
         )
-        own.append(_means(near, values[0][some]))
+        beside_given.append(_means(near, values[0][asked]))
         by_chance.append(_means(near, far))
         corners.append(_mean_of_known(values[1]))
-    (near, as_given), chance, corner = _known(own).T, _known(by_chance), _mean(np.array(corners))
+    (near, as_given), chance, corner = _known(beside_given).T, _known(by_chance), _mean(np.array(corners))
     sure = min(_in_errors(_smaller(near, as_given)), _in_errors(_smaller(*chance.T)) * _SURE / _LIKELY)
     return Agreement(Reading(shuffled=True), len(near), _mean(near), _mean(as_given), sure, corner, corner, 0.0)
 
@@ -504,8 +519,8 @@ _UNRELATED = 0.5
 """A mean loss of patches of which most show different points."""
 
 
-def _best(own: NDArray[np.float32], others: NDArray[np.float32]) -> NDArray[np.float32]:
+def _best(patch: NDArray[np.float32], nearby: NDArray[np.float32]) -> NDArray[np.float32]:
     """(n,) smallest losses of patches (n, p), each beside as many others (n k, p)."""
-    found = correlation(np.repeat(own, len(others) // len(own), axis=0), others).reshape(len(own), -1)
-    best = np.max(np.where(np.isfinite(found), found, -1.0), axis=1)
-    return np.where(np.isfinite(own).all(axis=1), 1.0 - best, np.nan).astype(np.float32)
+    alike = correlation(np.repeat(patch, len(nearby) // len(patch), axis=0), nearby).reshape(len(patch), -1)
+    best = np.max(np.where(np.isfinite(alike), alike, -1.0), axis=1)
+    return np.where(np.isfinite(patch).all(axis=1), 1.0 - best, np.nan).astype(np.float32)

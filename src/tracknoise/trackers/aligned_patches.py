@@ -121,12 +121,12 @@ class _Warped:
         guess = self._guess(before, after, features)
         seen = self._alignment.align(self._templates, self._levels(after), guess, self._matrix)
         self._matrix = seen.matrix
-        found = seen.found & self._in_image(seen, after)
+        is_found = seen.found & self._in_image(seen, after)
         if settings.min_ncc is not None:
-            found &= seen.ncc >= settings.min_ncc
+            is_found &= seen.ncc >= settings.min_ncc
         if settings.backward_px is not None:
-            found &= self._gap_px(before, after, features, seen) <= settings.backward_px
-        return Flow(seen.uv, found, {"patch_residual": seen.residual, "patch_ncc": seen.ncc})
+            is_found &= self._gap_px(before, after, features, seen) <= settings.backward_px
+        return Flow(seen.uv, is_found, {"patch_residual": seen.residual, "patch_ncc": seen.ncc})
 
     def _levels(self, frame: Frame) -> list[NDArray[np.float32]]:
         """The pyramid of an image, which trackers share."""
@@ -137,8 +137,8 @@ class _Warped:
         """Cut new templates in the present image, and forget those of features that ended."""
         row = self._renewal.rows(features.ids, before.index)
         new = self._alignment.templates(self._levels(before), features.uv[row < 0])
-        known = self._templates or [Templates.empty(len(self._alignment.offsets), self._alignment.warp)] * len(new)
-        self._templates = [old.renewed(row, fresh) for old, fresh in zip(known, new, strict=True)]
+        present = self._templates or [Templates.empty(len(self._alignment.offsets), self._alignment.warp)] * len(new)
+        self._templates = [old.renewed(row, fresh) for old, fresh in zip(present, new, strict=True)]
         self._matrix = np.concatenate([self._matrix, np.eye(2)[None]])[row]
 
     def _in_image(self, seen: Aligned, frame: Frame) -> NDArray[np.bool_]:
@@ -147,7 +147,7 @@ class _Warped:
 
     def _gap_px(self, before: Frame, after: Frame, features: Features, seen: Aligned) -> NDArray[np.float64]:
         """How far from where it should the way back ends; infinite if it is lost: (n,)."""
-        here = self._alignment.templates(self._levels(after), seen.uv)
+        templates = self._alignment.templates(self._levels(after), seen.uv)
         straight = np.broadcast_to(np.eye(2), seen.matrix.shape)
-        back = self._alignment.align(here, self._levels(before), seen.uv, straight)
+        back = self._alignment.align(templates, self._levels(before), seen.uv, straight)
         return np.where(back.found, displacement_px(features.uv, back.uv), np.inf)

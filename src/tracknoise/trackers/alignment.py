@@ -80,7 +80,7 @@ class Templates:
         places = uv[:, None] + offsets
         values = sampled(image, places)
         along = [cv2.Scharr(image, cv2.CV_32F, *axis, scale=1 / 32) for axis in ((1, 0), (0, 1))]
-        du, dv = (sampled(np.asarray(one, dtype=np.float32), places) for one in along)
+        du, dv = (sampled(np.asarray(derivative, dtype=np.float32), places) for derivative in along)
         steepest = np.stack(_by_parameter(du, dv, offsets, warp), axis=1)
         steepest[np.broadcast_to(~np.isfinite(values)[:, None], steepest.shape)] = 0
         steepest = _unexplained(steepest, values, brightness)
@@ -114,10 +114,10 @@ def _by_parameter(du: Floats, dv: Floats, offsets: Floats, warp: Warp) -> list[F
 
 def _unexplained(steepest: Floats, values: Floats, brightness: Brightness) -> Floats:
     """Derivatives (n, k, p) without their part along changes of brightness, with which no warp can be confused."""
-    there = np.isfinite(values)
-    plain = np.where(there, values, 0)
-    one = there.astype(np.float32)
-    basis = {Brightness.same: [], Brightness.offset: [one], Brightness.gain: [plain], Brightness.both: [one, plain]}
+    inside = np.isfinite(values)
+    plain = np.where(inside, values, 0)
+    ones = inside.astype(np.float32)
+    basis = {Brightness.same: [], Brightness.offset: [ones], Brightness.gain: [plain], Brightness.both: [ones, plain]}
     done: list[Floats] = []
     for vector in basis[brightness]:
         for earlier in done:
@@ -147,15 +147,15 @@ def _as_bright(seen: Floats, template: Floats, brightness: Brightness) -> Floats
     """Gray values (n, p) of the present image, as bright as the template (n, p): what both have decides."""
     if brightness is Brightness.same:
         return seen
-    both = np.isfinite(seen) & np.isfinite(template)
-    count = np.maximum(_total(both), 1)
-    mean, wanted_mean = (_total(np.where(both, values, 0)) / count for values in (seen, template))
+    shared = np.isfinite(seen) & np.isfinite(template)
+    count = np.maximum(_total(shared), 1)
+    mean, wanted_mean = (_total(np.where(shared, values, 0)) / count for values in (seen, template))
     gain = np.ones_like(mean)
     if brightness is Brightness.gain:
         np.divide(wanted_mean, mean, out=gain, where=mean > 0)
     elif brightness is Brightness.both:
         spread, wanted = (
-            np.sqrt(_total(np.where(both, values - middle, 0) ** 2))
+            np.sqrt(_total(np.where(shared, values - middle, 0) ** 2))
             for values, middle in ((seen, mean), (template, wanted_mean))
         )
         np.divide(wanted, spread, out=gain, where=spread > 0)
@@ -226,14 +226,14 @@ class Alignment:
         finest = templates[0]
         seen = self._seen(levels[0], uv, matrix)
         difference = np.abs(_as_bright(seen, finest.values, self.brightness) - finest.values)
-        there = np.isfinite(difference)
-        count = there.sum(axis=1)
+        inside = np.isfinite(difference)
+        count = inside.sum(axis=1)
         residual = np.full(len(uv), np.nan)
-        np.divide(np.where(there, difference, 0).sum(axis=1, dtype=np.float64), count, out=residual, where=count > 0)
+        np.divide(np.where(inside, difference, 0).sum(axis=1, dtype=np.float64), count, out=residual, where=count > 0)
         area = matrix[:, 0, 0] * matrix[:, 1, 1] - matrix[:, 0, 1] * matrix[:, 1, 0]
-        found = (count >= _LEAST_SHARE * len(self.offsets)) & _textured(finest) & (area > _LEAST_AREA)
+        is_found = (count >= _LEAST_SHARE * len(self.offsets)) & _textured(finest) & (area > _LEAST_AREA)
         ncc = correlation(finest.values, seen)
-        return Aligned(uv, matrix, found, residual.astype(np.float32), ncc)
+        return Aligned(uv, matrix, is_found, residual.astype(np.float32), ncc)
 
     def _seen(self, image: Floats, uv: NDArray[np.float64], matrix: NDArray[np.float64]) -> Floats:
         """Gray values (n, p) at the samples of warped patches."""
@@ -250,9 +250,9 @@ class Alignment:
         for _ in range(self.iterations):
             seen = self._seen(image, uv[rows], matrix[rows])
             error = _as_bright(seen, templates.values[rows], self.brightness) - templates.values[rows]
-            there = np.isfinite(error)
-            rows_in = there.sum(axis=1) >= _LEAST_SHARE * len(self.offsets)
-            rows, error = rows[rows_in], np.where(there, error, 0)[rows_in]
+            inside = np.isfinite(error)
+            rows_in = inside.sum(axis=1) >= _LEAST_SHARE * len(self.offsets)
+            rows, error = rows[rows_in], np.where(inside, error, 0)[rows_in]
             gradient = np.einsum("nkp,np->nk", templates.steepest[rows], error).astype(np.float64)
             change = np.einsum("nij,nj->ni", templates.inverse[rows], gradient)
             back = _inverse_matrix(change, self.warp)

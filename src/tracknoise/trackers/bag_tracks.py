@@ -62,7 +62,7 @@ def _plain(track: Any, *positions: Any) -> _Seen:
     lengths = [len(track), *map(len, positions)]
     if len(set(lengths)) > 1:
         raise ValueError(f"{lengths[0]} numbers of features, and {lengths[1]} and {lengths[2]} coordinates")
-    uv = np.column_stack([np.asarray(one, dtype=np.float64) for one in positions])
+    uv = np.column_stack([np.asarray(coordinate, dtype=np.float64) for coordinate in positions])
     return _Seen(track, uv, np.full(len(uv), np.nan, dtype=np.float32), {})
 
 
@@ -85,17 +85,17 @@ def _of_cloud(message: Any, camera: int | str | None) -> _Seen:
 
 def _of_msckf(message: Any, camera: int | str | None) -> _Seen:
     features = message.features
-    track = np.array([one.id for one in features], dtype=np.uint64)
+    track = np.array([feature.id for feature in features], dtype=np.uint64)
     names = ("u1", "v1") if camera == 1 else ("u0", "v0")
-    return replace(_plain(track, *([getattr(one, name) for one in features] for name in names)), several=True)
+    return replace(_plain(track, *([getattr(feature, name) for feature in features] for name in names)), several=True)
 
 
 def _of_oak(message: Any, camera: int | str | None) -> _Seen:
     features = message.features
-    track = np.array([one.id for one in features], dtype=np.uint32)
-    seen = _plain(track, *([getattr(one.position, name) for one in features] for name in "xy"))
+    track = np.array([feature.id for feature in features], dtype=np.uint32)
+    seen = _plain(track, *([getattr(feature.position, name) for feature in features] for name in "xy"))
     scores, errors = (
-        np.array([getattr(one, name) for one in features], dtype=np.float32)
+        np.array([getattr(feature, name) for feature in features], dtype=np.float32)
         for name in ("harris_score", "tracking_error")
     )
     return _Seen(seen.track, seen.uv, scores, {"tracking_error": errors})
@@ -152,52 +152,55 @@ def _read(path: Path, chosen: Selection) -> Rows:
             ) from None
         stamp = message.header.stamp
         times.append(int(stamp.sec) * _NS + int(stamp.nanosec))
-    counts = [len(one.uv) for one in seen]
+    counts = [len(features.uv) for features in seen]
     if not sum(counts):
         of_camera = "" if chosen.camera is None else f" of camera {chosen.camera}"
         raise DataError(f"{path} {name}", f"no feature{of_camera}", "at least one")
-    uv = np.concatenate([one.uv for one in seen])
+    uv = np.concatenate([features.uv for features in seen])
 
     def message_of(row: int) -> str:
         return f"{path} {name}: message {np.searchsorted(np.cumsum(counts), row, side='right') + 1}"
 
-    more = {key for one in seen if len(one.uv) for key in one.more}
-    columns = {key: np.concatenate([one.more.get(key, np.full(len(one.uv), np.nan)) for one in seen]) for key in more}
-    said = meant(
+    more = {key for features in seen if len(features.uv) for key in features.more}
+    columns = {
+        key: np.concatenate([features.more.get(key, np.full(len(features.uv), np.nan)) for features in seen])
+        for key in more
+    }
+    meaning = meant(
         path,
         {key: pl.Series(values) for key, values in sorted(columns.items()) if has_meaning(key)},
         len(uv),
         chosen if more else replace(chosen, camera=None),
         message_of,
     )
-    seen_there = said.mine if said.seen is None else said.mine & said.seen
+    seen_there = meaning.mine if meaning.seen is None else meaning.mine & meaning.seen
     bad = ~np.isfinite(uv).all(axis=1) & seen_there
     if bad.any():
         raise DataError(f"{path} {name}", f"a position {uv[bad][0].tolist()}", "finite numbers")
     if not seen_there.any():
         raise DataError(f"{path} {name}", "no feature that was seen", "at least one")
-    unused = (*said.unused, *sorted(key for key in columns if not has_meaning(key)))
+    unused = (*meaning.unused, *sorted(key for key in columns if not has_meaning(key)))
     left_out = f"features of camera {chosen.camera or 0} are read: camera = ... chooses another"
     rows = Rows(
         path,
-        whole_numbers(message_of, np.concatenate([one.track for one in seen]), "id"),
+        whole_numbers(message_of, np.concatenate([features.track for features in seen]), "id"),
         uv,
         time_ns=np.repeat(np.array(times, dtype=np.int64), counts),
-        response=np.concatenate([one.response for one in seen]),
-        quality={key: np.concatenate([one.quality[key] for one in seen]) for key in seen[0].quality},
-        seen=said.seen,
+        response=np.concatenate([features.response for features in seen]),
+        quality={key: np.concatenate([features.quality[key] for features in seen]) for key in seen[0].quality},
+        seen=meaning.seen,
         notes=(
-            *said.notes,
+            *meaning.notes,
             *unused_notes(path, unused),
-            *((left_out,) if chosen.camera is None and any(one.several for one in seen) else ()),
+            *((left_out,) if chosen.camera is None and any(features.several for features in seen) else ()),
         ),
     )
-    return rows if said.mine.all() else rows.where(said.mine)
+    return rows if meaning.mine.all() else rows.where(meaning.mine)
 
 
 def _chosen(bag: Bag, topic: str | None) -> str:
     """The topic that is asked for, or the only one that has tracks."""
-    fitting = [name for name, one in bag.topics.items() if one.kind in _KINDS]
+    fitting = [name for name, entry in bag.topics.items() if entry.kind in _KINDS]
     if topic is None and len(fitting) == 1:
         return fitting[0]
     if topic in fitting:

@@ -91,8 +91,8 @@ def best_hypothesis(
                 return best
             judged = int(samples[index]) + 1
             if score > most and np.count_nonzero(agreement[index]) >= least:
-                found = Hypothesis(models[index], agreement[index])
-                best, most = _refitted(geometry, found, score, source, target, judge, max_refits)
+                hypothesis = Hypothesis(models[index], agreement[index])
+                best, most = _refitted(geometry, hypothesis, score, source, target, judge, max_refits)
                 share = np.count_nonzero(best.inliers) / len(source)
                 needed = hypotheses_needed(share, geometry.sample_size, confidence, needed)
         if judged >= needed:
@@ -101,16 +101,22 @@ def best_hypothesis(
 
 
 def _refitted(
-    geometry: Geometry, found: Hypothesis, score: float, source: Floats, target: Floats, judge: Judge, max_refits: int
+    geometry: Geometry,
+    hypothesis: Hypothesis,
+    score: float,
+    source: Floats,
+    target: Floats,
+    judge: Judge,
+    max_refits: int,
 ) -> tuple[Hypothesis, float]:
     """The hypothesis after refits to its inliers, as long as each scores better than the one before, and its score."""
     for _ in range(max_refits):
-        model = geometry.refine(found.model, source[found.inliers], target[found.inliers])
+        model = geometry.refine(hypothesis.model, source[hypothesis.inliers], target[hypothesis.inliers])
         (inliers,), (better,) = judge(model[None])
         if better <= score or np.count_nonzero(inliers) < geometry.sample_size:
             break
-        found, score = Hypothesis(model, inliers), float(better)
-    return found, score
+        hypothesis, score = Hypothesis(model, inliers), float(better)
+    return hypothesis, score
 
 
 def hypotheses_needed(inlier_share: float, sample_size: int, confidence: float, most: int) -> int:
@@ -165,8 +171,8 @@ def marginal_support(squared: Floats) -> Floats:
     D. Barath, J. Noskova, M. Ivashechkin, J. Matas, MAGSAC++, a Fast, Reliable and Accurate Robust Estimator, CVPR
     2020.
     """
-    found: Floats = np.interp(np.sqrt(squared), _ERRORS, _SUPPORT, right=0.0)
-    return found
+    support: Floats = np.interp(np.sqrt(squared), _ERRORS, _SUPPORT, right=0.0)
+    return support
 
 
 def _loss(errors: Floats) -> Floats:

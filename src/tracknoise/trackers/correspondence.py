@@ -97,23 +97,23 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
             of_all, points = sift_descriptors(frame, detection), spread_keypoints(frame, detection)
             return Described(points.uv, points.response, of_all[points.order])
         raw = _to_describe(spread_keypoints(frame, detection), own=detection.detector.value == descriptor.value)
-        kept, found = _extractor(descriptor).compute(image, raw) if raw else ((), None)
+        kept, descriptors = _extractor(descriptor).compute(image, raw) if raw else ((), None)
         uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
         response = np.array([point.response for point in kept], dtype=np.float32)
         order = np.argsort(-response, kind="stable")  # ORB returns its keypoints by level
-        return Described(uv[order], response[order], _as_numbers(found, descriptor)[order])
+        return Described(uv[order], response[order], _as_numbers(descriptors, descriptor)[order])
 
     return frame.memo(("descriptors", descriptor, detection), compute)
 
 
 def _by_network(frame: Frame, detection: Detection) -> Described:
     """Keypoints of a network with its own descriptors."""
-    points, found = spread_keypoints(frame, detection), network_keypoints(frame, detection)
-    if found.descriptors is None:
+    points, of_network = spread_keypoints(frame, detection), network_keypoints(frame, detection)
+    if of_network.descriptors is None:
         raise TrackerError(f"{detection.network}: the network has no output descriptors, expected them as descriptor")
     rows = np.array([points.raw[index].class_id for index in points.order.tolist()], dtype=np.intp)
-    covariances = None if found.covariances is None else found.covariances[rows]
-    return Described(points.uv, points.response, found.descriptors[rows], covariances)
+    covariances = None if of_network.covariances is None else of_network.covariances[rows]
+    return Described(points.uv, points.response, of_network.descriptors[rows], covariances)
 
 
 def _is_all_sift(detection: Detection) -> bool:
@@ -210,8 +210,8 @@ class Correspondence:
     def __post_init__(self) -> None:
         settle_members(self, descriptor=Descriptor)
         require_bounds(self)
-        known = self.descriptor is not Descriptor.network or self.detection.network is not None
-        require(known, "descriptor", str(self.descriptor), "another one, or detection.network")
+        is_given = self.descriptor is not Descriptor.network or self.detection.network is not None
+        require(is_given, "descriptor", str(self.descriptor), "another one, or detection.network")
         learned = self.matcher is None or self.descriptor is Descriptor.network
         require(learned, "descriptor", str(self.descriptor), "network with a matcher")
         for name in ("max_ratio", "max_distance"):
@@ -219,8 +219,8 @@ class Correspondence:
             require(
                 self.matcher is None or value is None, name, value, "none with a matcher, whose matches have scores"
             )
-        known = self.rejection.reference is not ReferencePosition.keyframe
-        require(known, "rejection.reference", "keyframe", "previous or first, without key frames")
+        has_reference = self.rejection.reference is not ReferencePosition.keyframe
+        require(has_reference, "rejection.reference", "keyframe", "previous or first, without key frames")
         one_step = self.rejection.model is not Model.two_point or not self.max_missed_frames
         require(one_step, "max_missed_frames", self.max_missed_frames, "0 with two-point, which knows one rotation")
 

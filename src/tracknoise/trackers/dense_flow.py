@@ -98,11 +98,11 @@ class _Carried:
         if min(before.size) < _SMALLEST_SIDE_PX:
             return Flow(features.uv, np.zeros(len(features), dtype=np.bool_))
         uv = features.uv + _sampled(self._flow(before, after), features.uv)
-        found = np.isfinite(uv).all(axis=1) & np.all((uv >= 0) & (uv <= np.array(after.size) - 1), axis=1)
+        is_found = np.isfinite(uv).all(axis=1) & np.all((uv >= 0) & (uv <= np.array(after.size) - 1), axis=1)
         if self.backward_px is not None:
-            back = uv + _sampled(self._flow(after, before), np.where(found[:, None], uv, 0.0))
-            found &= displacement_px(features.uv, back) <= self.backward_px
-        return Flow(uv, found)
+            back = uv + _sampled(self._flow(after, before), np.where(is_found[:, None], uv, 0.0))
+            is_found &= displacement_px(features.uv, back) <= self.backward_px
+        return Flow(uv, is_found)
 
     def _flow(self, before: Frame, after: Frame) -> NDArray[np.float32]:
         """Displacement of each pixel, (height, width, 2), px."""

@@ -245,9 +245,9 @@ def sift_descriptors(frame: Frame, detection: Detection) -> NDArray[np.float32]:
     def compute(image: NDArray[np.uint8]) -> NDArray[np.float32]:
         if min(image.shape) < SMALLEST_SIDE_PX:
             return np.empty((0, 128), np.float32)
-        raw, found = _sift_of(detection.contrast).detectAndCompute(image, None)
+        raw, descriptors = _sift_of(detection.contrast).detectAndCompute(image, None)
         frame.memo(("keypoints", detection.key), lambda _: _strongest_first(raw, detection.least_response))
-        return np.asarray(found, np.float32) if raw else np.empty((0, 128), np.float32)
+        return np.asarray(descriptors, np.float32) if raw else np.empty((0, 128), np.float32)
 
     return frame.memo(("sift", detection.contrast), compute)
 
@@ -260,11 +260,11 @@ def network_keypoints(frame: Frame, detection: Detection) -> NetworkKeypoints:
     return frame.memo(key, lambda image: find_keypoints(image, path, units).at_least(least))
 
 
-def _by_network(found: NetworkKeypoints) -> Keypoints:
+def _by_network(of_network: NetworkKeypoints) -> Keypoints:
     """Keypoints whose class is their number among those of the network."""
-    rows = zip(found.uv.tolist(), found.score.tolist(), strict=True)
+    rows = zip(of_network.uv.tolist(), of_network.score.tolist(), strict=True)
     raw = [cv2.KeyPoint(u, v, 1.0, response=score, class_id=row) for row, ((u, v), score) in enumerate(rows)]
-    return Keypoints(raw, np.arange(len(raw)), found.uv, found.score)
+    return Keypoints(raw, np.arange(len(raw)), of_network.uv, of_network.score)
 
 
 def _found(image: NDArray[np.uint8], detection: Detection, threshold: int) -> Keypoints:
@@ -300,19 +300,19 @@ def _of_cells(image: NDArray[np.uint8], detection: Detection, grid: tuple[int, i
         for top in range(0, height * rows, max(height, 1)):
             cell = np.ascontiguousarray(image[top : top + height, left : left + width])
             for threshold in (detection.threshold, *detection.retry_thresholds):
-                found = _found(cell, detection, threshold)
-                if len(found.uv):
+                points = _found(cell, detection, threshold)
+                if len(points.uv):
                     break
-            yield _moved(found, (left, top), detection.per_cell)
+            yield _moved(points, (left, top), detection.per_cell)
 
 
-def _moved(found: Keypoints, by_px: tuple[int, int], most: int) -> Keypoints:
+def _moved(points: Keypoints, by_px: tuple[int, int], most: int) -> Keypoints:
     """The strongest keypoints of a part of an image, in its whole."""
-    order = found.order[:most]
-    raw = [found.raw[index] for index in order.tolist()]
+    order = points.order[:most]
+    raw = [points.raw[index] for index in order.tolist()]
     for point in raw:
         point.pt = (point.pt[0] + by_px[0], point.pt[1] + by_px[1])
-    return Keypoints(raw, np.arange(len(raw)), found.uv[:most] + by_px, found.response[:most])
+    return Keypoints(raw, np.arange(len(raw)), points.uv[:most] + by_px, points.response[:most])
 
 
 def _joined(parts: Sequence[Keypoints]) -> Keypoints:

@@ -126,7 +126,7 @@ class _Folder:
         self, images: Iterator[NDArray[np.uint8]], settings: External
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float32]]:
         """Write images and queries. Returns the image (n,), the position (n, 2) and the response (n,) of each query."""
-        paths, found = [], []
+        paths, parts = [], []
         for number, image in enumerate(images):
             paths.append(self.path / "images" / f"{number:06d}.png")
             paths[-1].parent.mkdir(exist_ok=True)
@@ -134,10 +134,10 @@ class _Folder:
             if number == 0 or (settings.every is not None and number % settings.every == 0):
                 frame = Frame(number, image)
                 births = places_in(frame.size, settings.detection).births(frame, settings.max_features)
-                found.append((np.full(len(births[0]), number, dtype=np.int64), *births))
+                parts.append((np.full(len(births[0]), number, dtype=np.int64), *births))
         self.n_images = len(paths)
         (self.path / "frames_color.txt").write_text("".join(f"{path}\n" for path in paths), encoding="utf-8")
-        offset, uv, response = (np.concatenate(part) for part in zip(*found, strict=True))
+        offset, uv, response = (np.concatenate(part) for part in zip(*parts, strict=True))
         for number, (first, (x, y)) in enumerate(zip(offset.tolist(), uv.tolist(), strict=True), 1):
             (self.path / f"query_{number}.txt").write_text(f"{first}\n{x!r},{y!r}\n", encoding="utf-8")
         return offset, uv, response

@@ -170,15 +170,15 @@ class FollowingTracker:
         flow = self._flow(frame, before)
         end = self._judge(before, flow, frame, places)
         alive = end == ALIVE
-        found = before.chosen(alive, flow.uv[alive])
-        new, response = self._detect(frame, places, len(found))
-        self._features = found.joined(new)
+        tracked = before.chosen(alive, flow.uv[alive])
+        new, response = self._detect(frame, places, len(tracked))
+        self._features = tracked.joined(new)
         self._key_frames.complete(frame.index, self._features)
         return report(
             offered=before.ids,
             end=end,
             matched=int(np.count_nonzero(flow.found)),
-            found=found,
+            found=tracked,
             new=new,
             response=response,
             quality={name: values[alive] for name, values in flow.quality.items()},
@@ -186,29 +186,29 @@ class FollowingTracker:
 
     def _step_from(self, frame: Frame) -> Step:
         """One step, in which new features are detected in the previous image."""
-        everything, end = self._with_new_features()
+        offered, end = self._with_new_features()
         rows = np.flatnonzero(end == ALIVE)
-        followed = everything.chosen(rows, everything.uv[rows])
-        followed = Features(followed.ids, followed.uv, followed.first_uv, everything.before_uv[rows], followed.born)
+        followed = offered.chosen(rows, offered.uv[rows])
+        followed = Features(followed.ids, followed.uv, followed.first_uv, offered.before_uv[rows], followed.born)
         flow = self._flow(frame, followed)
         end[rows] = self._judge(followed, flow, frame, places_in(frame.size, self._settings.detection))
         alive = end[rows] == ALIVE
-        known = np.ones(len(everything), dtype=np.bool_)
-        known[len(known) - len(self._response) :] = False
-        old, seen = alive & known[rows], alive & ~known[rows]
+        is_old = np.ones(len(offered), dtype=np.bool_)
+        is_old[len(is_old) - len(self._response) :] = False
+        old, seen = alive & is_old[rows], alive & ~is_old[rows]
         order = np.concatenate([np.flatnonzero(old), np.flatnonzero(seen)])
-        found, new = (followed.chosen(chosen, flow.uv[chosen]) for chosen in (old, seen))
+        tracked, new = (followed.chosen(chosen, flow.uv[chosen]) for chosen in (old, seen))
         step = report(
-            offered=everything.ids[known],
-            end=end[known],
-            matched=int(np.count_nonzero(flow.found & known[rows])),
-            found=found,
+            offered=offered.ids[is_old],
+            end=end[is_old],
+            matched=int(np.count_nonzero(flow.found & is_old[rows])),
+            found=tracked,
             new=new,
-            response=self._response[(end == ALIVE)[~known]],
+            response=self._response[(end == ALIVE)[~is_old]],
             quality={name: values[order] for name, values in flow.quality.items()},
         )
-        self._features, self._response = found.joined(new), np.empty(0, dtype=np.float32)
-        if not len(everything):
+        self._features, self._response = tracked.joined(new), np.empty(0, dtype=np.float32)
+        if not len(offered):
             self._features, self._response = self._detect(frame, places_in(frame.size, self._settings.detection), 0)
         return step
 
@@ -252,8 +252,8 @@ class FollowingTracker:
         inlier = np.ones(len(rows), dtype=np.bool_)
         if not waits or self._key_frames.decide(frame.index, features.ids[rows]):
             source = self._reference(features)[rows]
-            known = np.isfinite(source).all(axis=1)
-            inlier[known] = self._inliers(source[known], uv[rows[known]], frame.index)
+            has_source = np.isfinite(source).all(axis=1)
+            inlier[has_source] = self._inliers(source[has_source], uv[rows[has_source]], frame.index)
         end[rows] = np.where(inlier, ALIVE, TrackEnd.outlier)
         if settings.order is Order.rejection_first:
             rows = rows[inlier]
@@ -275,8 +275,8 @@ class FollowingTracker:
     def _detect(self, frame: Frame, places: Places, alive: int) -> tuple[Features, NDArray[np.float32]]:
         """Test 5: new features of an image, and their responses."""
         uv, response = np.empty((0, 2)), np.empty(0, dtype=np.float32)
-        every = self._settings.detect_at is Occasion.every_frame
-        if alive < self._settings.min_features and (every or self._key_frames.is_latest(frame.index)):
+        in_every_frame = self._settings.detect_at is Occasion.every_frame
+        if alive < self._settings.min_features and (in_every_frame or self._key_frames.is_latest(frame.index)):
             uv, response = places.births(frame, self._settings.max_features - alive)
         new = Features.begin(self._next_id, uv, frame.index)
         self._next_id += len(new)

@@ -106,29 +106,29 @@ class _Called:
         ok = self._array("ok", returned[1], "b", (n,))
         with np.errstate(over="ignore"):  # of a longer float, which becomes infinite
             uv = uv.astype(np.float64)
-        found = ok & np.isfinite(uv).all(axis=1)
-        return Flow(uv, found, self._quality(returned[2], found) if len(returned) == 3 else {})
+        is_found = ok & np.isfinite(uv).all(axis=1)
+        return Flow(uv, is_found, self._quality(returned[2], is_found) if len(returned) == 3 else {})
 
     def _array(self, what: str, value: object, kinds: str, shape: tuple[int, ...]) -> NDArray[Any]:
         """A returned value as an array without masked elements."""
         expected = f"{'bool' if kinds == 'b' else 'numbers'} of shape {shape}"
         try:
-            found = _array_of(value)
+            array = _array_of(value)
         except (TypeError, ValueError, RuntimeError, UserWarning) as error:
             message = f"{self.name} returned no array of {what} ({first_line(error)}), expected {expected}"
             raise TrackerError(message) from error
-        if found.shape != shape or found.dtype.kind not in kinds:
-            raise TrackerError(f"{self.name} returned {what} {_shown(found.data)}, expected {expected}")
-        if np.ma.is_masked(found):
+        if array.shape != shape or array.dtype.kind not in kinds:
+            raise TrackerError(f"{self.name} returned {what} {_shown(array.data)}, expected {expected}")
+        if np.ma.is_masked(array):
             raise TrackerError(f"{self.name} returned {what} with masked elements, expected {expected} without a mask")
-        return np.asarray(found)
+        return np.asarray(array)
 
-    def _quality(self, returned: object, found: NDArray[np.bool_]) -> dict[str, NDArray[np.float32]]:
+    def _quality(self, returned: object, is_found: NDArray[np.bool_]) -> dict[str, NDArray[np.float32]]:
         """Entries of the covariances by name."""
-        covariance = self._array("covariances", returned, "fiu", (len(found), 2, 2))
+        covariance = self._array("covariances", returned, "fiu", (len(is_found), 2, 2))
         with np.errstate(over="ignore", invalid="ignore"):  # of what is refused or lost
             entries = covariance.astype(np.float32)
-        beyond = covariance[found][np.isfinite(covariance[found]) & np.isinf(entries[found])]
+        beyond = covariance[is_found][np.isfinite(covariance[is_found]) & np.isinf(entries[is_found])]
         if len(beyond):
             stated = f"a covariance of {beyond[0]!s} px^2"
             raise TrackerError(f"{self.name} returned {stated}, expected numbers within the range of float32")

@@ -70,8 +70,8 @@ def shift_covariance(
     )
     with np.errstate(divide="ignore", invalid="ignore"):
         factor = 0.5 * np.pi * residual.astype(np.float64) ** 2 / (uu * vv - cross * cross)
-        found = np.stack([vv, -cross, uu], axis=1) * factor[:, None]
-    return np.where(np.isfinite(found), found, np.nan).astype(np.float32)
+        covariance = np.stack([vv, -cross, uu], axis=1) * factor[:, None]
+    return np.where(np.isfinite(covariance), covariance, np.nan).astype(np.float32)
 
 
 def _where_inside(

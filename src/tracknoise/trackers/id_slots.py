@@ -108,30 +108,30 @@ class _Steps:
         two = self.by[1:] + self.by[:-1]
         back = np.hypot(*(two - self.common[1:] - self.common[:-1]).T) <= self.limit_px
         back[1:] |= self.follows[:-1] & (np.hypot(*(two[1:] - 2.0 * self.by[:-2]).T) <= self.limit_px)
-        found = np.zeros(len(self.row), dtype=np.bool_)
-        found[1:] |= self.follows & back
-        found[:-1] |= self.follows & back
-        return found & self.jumps
+        returning = np.zeros(len(self.row), dtype=np.bool_)
+        returning[1:] |= self.follows & back
+        returning[:-1] |= self.follows & back
+        return returning & self.jumps
 
     @property
     def stays(self) -> NDArray[np.bool_]:
         """Which steps are jumps between steps that are alike."""
-        found = np.zeros(len(self.row), dtype=np.bool_)
+        staying = np.zeros(len(self.row), dtype=np.bool_)
         if len(self.row) > 2:
             before, now, after = self.by[:-2], self.by[1:-1], self.by[2:]
             alone = np.hypot(*(after - before).T) <= _ALONE * np.hypot(*(now - 0.5 * (before + after)).T)
-            found[1:-1] = self.follows[:-1] & self.follows[1:] & alone & self.jumps[1:-1]
-        return found
+            staying[1:-1] = self.follows[:-1] & self.follows[1:] & alone & self.jumps[1:-1]
+        return staying
 
     def frames_of_all(self) -> NDArray[np.int64]:
         """Frames in which most tracks jump, each in its own direction."""
         jumps = self.jumps
-        found = []
+        frames = []
         for frame in np.unique(self.frame[jumps]):
             mine = self.frame == frame
             if np.count_nonzero(mine) >= _LEAST_STEPS and jumps[mine].mean() >= _ALL:
-                found.append(frame)
-        return np.array(found, dtype=np.int64)
+                frames.append(frame)
+        return np.array(frames, dtype=np.int64)
 
 
 def _apart(by: NDArray[np.float64], common: NDArray[np.float64], follows: NDArray[np.bool_]) -> NDArray[np.float64]:
@@ -149,5 +149,5 @@ def _motion_of_camera(
     """Steps (n, 2) of an affine motion of the image, where it explains those from (n, 2) positions; else the median."""
     design = np.column_stack([start, np.ones(len(start))])
     motion = design @ np.linalg.lstsq(design, by, rcond=None)[0]
-    left, before = (np.median(np.hypot(*(by - one).T)) for one in (motion, median))
+    left, before = (np.median(np.hypot(*(by - prediction).T)) for prediction in (motion, median))
     return np.asarray(motion if len(by) >= _LEAST_STEPS and left < _FITTED * before else median)

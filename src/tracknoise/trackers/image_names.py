@@ -26,11 +26,11 @@ def frames_named(names: NDArray[np.str_], files: Sequence[str]) -> NDArray[np.in
     last number in each counts, as long as it is another one in each file.
     """
     named, place = np.unique(names, return_inverse=True)
-    for of in (_stem, _last_number):
-        known = {of(file): frame for frame, file in enumerate(files)}
-        if None in known or len(known) < len(files):
+    for extract in (_stem, _last_number):
+        frame_of = {extract(file): frame for frame, file in enumerate(files)}
+        if None in frame_of or len(frame_of) < len(files):
             continue
-        frame = np.array([known.get(of(name), -1) for name in named.tolist()], dtype=np.int64)
+        frame = np.array([frame_of.get(extract(name), -1) for name in named.tolist()], dtype=np.int64)
         if (frame >= 0).any():
             return np.asarray(frame[place])
     return np.full(len(names), -1, dtype=np.int64)
@@ -39,8 +39,8 @@ def frames_named(names: NDArray[np.str_], files: Sequence[str]) -> NDArray[np.in
 def numbers_named(names: NDArray[np.str_]) -> NDArray[np.int64]:
     """The last number in each name (n,), -1 where there is none."""
     named, place = np.unique(names, return_inverse=True)
-    found = [_last_number(name) for name in named.tolist()]
-    return np.array([-1 if number is None else number for number in found], dtype=np.int64)[place]
+    numbers = [_last_number(name) for name in named.tolist()]
+    return np.array([-1 if number is None else number for number in numbers], dtype=np.int64)[place]
 
 
 def times_named(names: NDArray[np.str_]) -> NDArray[np.float64] | None:
@@ -60,5 +60,5 @@ def _stem(name: str) -> str:
 
 
 def _last_number(name: str) -> int | None:
-    found = _NUMBER.search(_stem(name))
-    return int(found[1]) if found and len(found[1]) <= _MOST_DIGITS - 1 else None
+    match = _NUMBER.search(_stem(name))
+    return int(match[1]) if match and len(match[1]) <= _MOST_DIGITS - 1 else None

@@ -83,9 +83,11 @@ class ImportedTracker:
         end = np.full(len(before), TrackEnd.lost, dtype=np.int8)
         end[live] = ALIVE
         first = np.delete(np.arange(len(names)), row)
-        at, quality = self._refined(frame, before.chosen(np.sort(live), before.uv[np.sort(live)]), uv[row], len(first))
-        found, new = before.chosen(np.sort(live), at), Features.begin(self._next_id, uv[first])
-        self._features = found.joined(new)
+        refined_uv, quality = self._refined(
+            frame, before.chosen(np.sort(live), before.uv[np.sort(live)]), uv[row], len(first)
+        )
+        tracked, new = before.chosen(np.sort(live), refined_uv), Features.begin(self._next_id, uv[first])
+        self._features = tracked.joined(new)
         self._names = names[np.concatenate([row, first])]
         self._next_id += len(new)
         shown = start + np.concatenate([row, first])
@@ -93,7 +95,7 @@ class ImportedTracker:
             offered=before.ids,
             end=end,
             matched=len(row),
-            found=found,
+            found=tracked,
             new=new,
             response=self._tracks.response[start:stop][first],
             quality={name: values[shown] for name, values in self._tracks.quality.items()} | quality,
@@ -113,7 +115,7 @@ class ImportedTracker:
         )
 
     def _refined(
-        self, frame: Frame, found: Features, uv: NDArray[np.float64], n_new: int
+        self, frame: Frame, tracked: Features, uv: NDArray[np.float64], n_new: int
     ) -> tuple[NDArray[np.float64], dict[str, NDArray[np.float32]]]:
         """Positions of features that were found again, and the quality of these and of new ones."""
         before, self._image = self._image, None if self._refiner is None else frame
@@ -121,7 +123,7 @@ class ImportedTracker:
             return uv, {}
         shift = np.empty(0, dtype=np.float32)
         if before is not None:
-            uv, shift = self._refiner.refined(before, frame, found, uv)
+            uv, shift = self._refiner.refined(before, frame, tracked, uv)
         return uv, {SHIFT: np.concatenate([shift, np.full(n_new, np.nan, dtype=np.float32)])}
 
 
@@ -229,20 +231,20 @@ def _require_named(quality: object) -> None:
 
 
 def _numbers(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
-    found = _array(name, values)
-    if found.dtype.kind not in "fiu":
-        raise SettingsError(f"imported arrays: {name} is of type {found.dtype}, expected numbers")
-    if found.ndim != 1 or length not in (None, len(found)):
+    array = _array(name, values)
+    if array.dtype.kind not in "fiu":
+        raise SettingsError(f"imported arrays: {name} is of type {array.dtype}, expected numbers")
+    if array.ndim != 1 or length not in (None, len(array)):
         expected = "one axis" if length is None else f"shape ({length},) as track"
-        raise SettingsError(f"imported arrays: {name} has shape {found.shape}, expected {expected}")
+        raise SettingsError(f"imported arrays: {name} has shape {array.shape}, expected {expected}")
     with np.errstate(over="ignore"):  # of long doubles
-        return found.astype(np.float64)
+        return array.astype(np.float64)
 
 
 def _narrow(name: str, values: ArrayLike, length: int) -> NDArray[np.float32]:
-    found = _numbers(name, values, length)
-    _refuse(name, found, np.isfinite(found) & (np.abs(found) > np.finfo(np.float32).max), IN_FLOAT32)
-    return found.astype(np.float32)
+    numbers = _numbers(name, values, length)
+    _refuse(name, numbers, np.isfinite(numbers) & (np.abs(numbers) > np.finfo(np.float32).max), IN_FLOAT32)
+    return numbers.astype(np.float32)
 
 
 def _refuse(name: str, values: NDArray[Any], bad: NDArray[np.bool_], expected: str) -> None:
@@ -261,18 +263,18 @@ def _array(name: str, values: ArrayLike) -> NDArray[Any]:
 
 
 def _finite(name: str, values: ArrayLike, length: int | None = None) -> NDArray[np.float64]:
-    found = _numbers(name, values, length)
-    _refuse(name, found, ~np.isfinite(found), "a finite number")
-    return found
+    numbers = _numbers(name, values, length)
+    _refuse(name, numbers, ~np.isfinite(numbers), "a finite number")
+    return numbers
 
 
 def _whole(name: str, values: ArrayLike, length: int | None = None, *, most: float = np.inf) -> NDArray[np.int64]:
-    found, given = _finite(name, values, length), np.asarray(values)
-    _refuse(name, found, found != np.rint(found), "a whole number")
-    if given.dtype.kind == "f":
-        _refuse(name, found, np.abs(found) > LARGEST_EXACT, "integers where numbers are so large")
-    _refuse(name, given, given > most, f"a whole number of at most {most}")
-    return given.astype(np.int64)
+    numbers, array = _finite(name, values, length), np.asarray(values)
+    _refuse(name, numbers, numbers != np.rint(numbers), "a whole number")
+    if array.dtype.kind == "f":
+        _refuse(name, numbers, np.abs(numbers) > LARGEST_EXACT, "integers where numbers are so large")
+    _refuse(name, array, array > most, f"a whole number of at most {most}")
+    return array.astype(np.int64)
 
 
 _MOST_SKIPPED = 10**9
@@ -359,10 +361,10 @@ class Imported:
         settle_members(self, units=Units, columns=Columns, ids=Ids, **stated)
         try:
             SequenceId("", "").expand(self.path, speed=1)
-            known = True
+            is_valid = True
         except ValueError:
-            known = False
-        require(known, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
+            is_valid = False
+        require(is_valid, "path", self.path, f"no placeholders but {', '.join(f'{{{name}}}' for name in PLACEHOLDERS)}")
         endings = f"a file that ends in {', '.join(SUFFIXES[:-1])} or {SUFFIXES[-1]}, or a format"
         require(self.format is not None or Path(self.path).suffix in SUFFIXES, "path", self.path, endings)
         require_bounds(self)
@@ -402,9 +404,9 @@ class Imported:
         self._require_files_of_views(context.sequence)
         path = context.sequence.expand(self.path, speed=context.speed)
         kind = self.format or detected(path)
-        whole = context.source_frames is None
+        is_whole = context.source_frames is None
         chosen = Selection(self.topic, self.camera, self.visible_above, self.time_unit, self.frames_by)
-        rows = read_rows(path, kind, n_frames=context.n_frames if whole else None, chosen=chosen)
+        rows = read_rows(path, kind, n_frames=context.n_frames if is_whole else None, chosen=chosen)
         assignment = Assignment(
             Normalised() if self.units == Units.normalised else Raster(self.origin or origin_of(kind), self.raster),
             self.first_frame,

@@ -54,9 +54,11 @@ class Rows:
 
     def where(self, kept: NDArray[np.intp] | NDArray[np.bool_]) -> "Rows":
         """Some of the rows, by index or mask."""
-        arrays = {one.name: getattr(self, one.name) for one in fields(self)}
-        some: dict[str, Any] = {name: values[kept] for name, values in arrays.items() if isinstance(values, np.ndarray)}
-        return replace(self, **some, quality={name: values[kept] for name, values in self.quality.items()})
+        arrays = {entry.name: getattr(self, entry.name) for entry in fields(self)}
+        selected: dict[str, Any] = {
+            name: values[kept] for name, values in arrays.items() if isinstance(values, np.ndarray)
+        }
+        return replace(self, **selected, quality={name: values[kept] for name, values in self.quality.items()})
 
     def chosen(self, kept: NDArray[np.intp], frame: NDArray[np.intp], uv: NDArray[np.float64]) -> "Rows":
         """Some of the rows, by index, with frames and positions."""
@@ -108,8 +110,8 @@ def whole_numbers(
         first = values[bad[0]].item()
         limit = f" of at most {most}" if abs(first) > most else ""
         raise DataError(place(int(bad[0])), f"{name} {first!r}", f"a whole number{limit}")
-    whole: NDArray[np.int64] = values.astype(np.int64)
-    return whole
+    numbers: NDArray[np.int64] = values.astype(np.int64)
+    return numbers
 
 
 IN_FLOAT32 = "a number within the range of float32"
@@ -176,7 +178,7 @@ class Columns(StrEnum):
     @classmethod
     def of(cls, axes: tuple[int, int]) -> "Columns":
         """That of which these are the axes."""
-        return next(one for one in cls if one.axes == axes)
+        return next(member for member in cls if member.axes == axes)
 
     def then(self, axes: tuple[int, int]) -> "Columns":
         """What the numbers are if u and v of these columns have to be read as `axes` again."""
@@ -188,10 +190,10 @@ class Columns(StrEnum):
         places, signs = np.abs(self.axes) - 1, np.sign(self.axes)
         uv = np.where(signs < 0, np.array(extent) - rows.uv[:, places], rows.uv[:, places])
         quality = dict(rows.quality)
-        for uu, both, vv in covariances(rows.quality):
+        for uu, cross, vv in covariances(rows.quality):
             stated = rows.quality[uu], rows.quality[vv]
             quality |= {uu: stated[places[0]], vv: stated[places[1]]}
-            quality[both] = (rows.quality[both] * np.float32(signs.prod())).astype(np.float32)
+            quality[cross] = (rows.quality[cross] * np.float32(signs.prod())).astype(np.float32)
         return replace(rows, uv=uv, quality=quality)
 
 
@@ -243,14 +245,14 @@ class Raster:
         context: SequenceContext,
     ) -> dict[str, NDArray[np.float32]]:
         """Quality with the covariances among it in px^2. All other quality stays as it is."""
-        found = dict(quality)
+        converted = dict(quality)
         if self.size is None:
-            return found
+            return converted
         u, v = np.array(context.size) / self.size
         factors = (np.float32(u * u), np.float32(u * v), np.float32(v * v))
         for names in covariances(quality):
-            found |= {name: quality[name] * factor for name, factor in zip(names, factors, strict=True)}
-        return found
+            converted |= {name: quality[name] * factor for name, factor in zip(names, factors, strict=True)}
+        return converted
 
 
 def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
@@ -355,10 +357,10 @@ class Normalised:
         context: SequenceContext,
     ) -> dict[str, NDArray[np.float32]]:
         """Quality with the covariances among it in px^2, to first order. All other quality stays as it is."""
-        found = dict(quality)
+        converted = dict(quality)
         names = list(covariances(quality))
         if not names:
-            return found
+            return converted
         jacobian = np.full((len(uv), 2, 2), np.nan)
         for camera, rows in _by_camera(frame, context):
             jacobian[rows] = projection_jacobian(camera, _rays(uv[rows]))[..., :2]
@@ -366,8 +368,8 @@ class Normalised:
             stated = np.stack([quality[name] for name in (uu, uv_name, uv_name, vv)], axis=-1).reshape(-1, 2, 2)
             in_px = jacobian @ stated.astype(np.float64) @ np.swapaxes(jacobian, 1, 2)
             entries = {uu: in_px[:, 0, 0], uv_name: in_px[:, 0, 1], vv: in_px[:, 1, 1]}
-            found |= {name: values.astype(np.float32) for name, values in entries.items()}
-        return found
+            converted |= {name: values.astype(np.float32) for name, values in entries.items()}
+        return converted
 
 
 def _rays(xy: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -390,7 +392,7 @@ def _by_camera(frame: NDArray[np.int64], context: SequenceContext) -> Iterator[t
     frames, place = np.unique(frame, return_inverse=True)
     cameras = [_camera_at(context, index) for index in frames.tolist()]
     for camera in dict.fromkeys(cameras):
-        yield camera, np.array([other == camera for other in cameras], dtype=np.bool_)[place]
+        yield camera, np.array([of_frame == camera for of_frame in cameras], dtype=np.bool_)[place]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -596,8 +598,8 @@ class Assignment:
             if not rows.has(self.frames_by):
                 raise DataError(rows.path, f"no {self.frames_by}", f"a column of it where frames_by = {self.frames_by}")
             return self.frames_by
-        given = [by for by in Moment if rows.has(by)]
-        return next((by for by in given if by is not Moment.time or context.timestamps_s is not None), given[0])
+        moments = [by for by in Moment if rows.has(by)]
+        return next((by for by in moments if by is not Moment.time or context.timestamps_s is not None), moments[0])
 
     def _compared(self, rows: Rows, by: Moment, context: SequenceContext) -> Iterator[str]:
         """Refuse frames, times and images of a file that contradict each other, unless one of them is chosen.
@@ -610,16 +612,16 @@ class Assignment:
             if not rows.has(other) or (other is Moment.image and context.image_names is None):
                 continue
             named = self._frame_by(rows, other, context, beside=True)
-            both = (frame >= 0) & (named >= 0)
-            differ = both & (frame != named)
-            if np.count_nonzero(both) < _LEAST_COMPARED * len(frame):
+            in_both = (frame >= 0) & (named >= 0)
+            differ = in_both & (frame != named)
+            if np.count_nonzero(in_both) < _LEAST_COMPARED * len(frame):
                 yield f"column {rows.names[other]} of {rows.path.name} fits to no frame, and is not used"
-            elif np.count_nonzero(differ) > _MOST_CONTRADICTING * np.count_nonzero(both):
+            elif np.count_nonzero(differ) > _MOST_CONTRADICTING * np.count_nonzero(in_both):
                 row = int(np.flatnonzero(differ)[0])
                 apart = np.unique(np.abs(named - frame)[differ])
                 span = counted(int(apart[0]), "frame") if len(apart) == 1 else f"{apart[0]} to {apart[-1]} frames"
                 found = f"{rows.stated(by, row)} and {rows.stated(other, row)}, which is that of frame {named[row]}"
-                share = f"they differ by {span} in {differ.sum() / both.sum():.0%} of the rows"
+                share = f"they differ by {span} in {differ.sum() / in_both.sum():.0%} of the rows"
                 expected = f'columns that agree; frames_by = "{by}" or "{other}" chooses one of them'
                 raise DataError(rows.place(row), f"{found}: {share}", expected)
 
@@ -637,10 +639,10 @@ class Assignment:
         if context.timestamps_s is None:
             return frame
         time_s = _times(self._timed(rows, context.timestamps_s, context.clock_start_ns))
-        known = np.flatnonzero(np.isfinite(time_s))
+        has_time = np.flatnonzero(np.isfinite(time_s))
         limit = self._largest_gap_s(context.timestamps_s, context.source_frames) * (0.5 if beside else 1.0)
         for unit in (1.0, *_SIZES_S) if beside else (1.0,):
-            frame[known] = nearest(unit * time_s[known], context.timestamps_s, max_gap_s=limit)
+            frame[has_time] = nearest(unit * time_s[has_time], context.timestamps_s, max_gap_s=limit)
             if np.count_nonzero(frame >= 0) >= _LEAST_COMPARED * len(frame):
                 break
         return frame
@@ -657,11 +659,11 @@ class Assignment:
     def _hidden(self, rows: Rows, by: Moment, context: SequenceContext) -> "_Hidden":
         """Rows of features that were not seen, in frames of the sequence; positions in px where they are stated."""
         frame = self._frame_by(rows, by, context)
-        there = frame >= 0
-        track, frame, uv = rows.track[there], frame[there], rows.uv[there]
-        known = np.isfinite(uv).all(axis=1) & (np.abs(np.nan_to_num(uv)) <= _LARGEST_POSITION).all(axis=1)
+        in_sequence = frame >= 0
+        track, frame, uv = rows.track[in_sequence], frame[in_sequence], rows.uv[in_sequence]
+        has_position = np.isfinite(uv).all(axis=1) & (np.abs(np.nan_to_num(uv)) <= _LARGEST_POSITION).all(axis=1)
         pixels = np.full(uv.shape, np.nan)
-        pixels[known] = self.raster.to_pixels(uv[known], frame[known], context)
+        pixels[has_position] = self.raster.to_pixels(uv[has_position], frame[has_position], context)
         return _Hidden(track, frame, pixels)
 
     def _in_pixels(self, rows: Rows, context: SequenceContext) -> tuple[Rows, NDArray[np.bool_]]:
@@ -690,8 +692,8 @@ class Assignment:
             raise DataError(rows.path, "times", expected)
         assign = interpolated if self.asynchronous else nearest_frames
         limit = self._largest_gap_s(context.timestamps_s, context.source_frames)
-        given = rows if self.asynchronous else rows.observed
-        timed = self._timed(given, context.timestamps_s, context.clock_start_ns)
+        chosen = rows if self.asynchronous else rows.observed
+        timed = self._timed(chosen, context.timestamps_s, context.clock_start_ns)
         taken = assign(timed, context.timestamps_s, limit)
         return replace(taken, far=0) if context.source_frames else taken
 
@@ -771,14 +773,14 @@ def _with_hidden(
     track: NDArray[np.int64], frame: NDArray[np.int64], uv: NDArray[np.float64], hidden: _Hidden
 ) -> StatedPoints | None:
     """All positions that are stated, those of observations and others; None where there are no others."""
-    known = np.isfinite(hidden.uv).all(axis=1)
-    if not known.any():
+    has_position = np.isfinite(hidden.uv).all(axis=1)
+    if not has_position.any():
         return None
     return StatedPoints(
-        np.concatenate([hidden.track[known], track]),
-        np.concatenate([hidden.frame[known], frame]),
-        np.concatenate([hidden.uv[known], uv]),
-        np.arange(np.count_nonzero(known) + len(track)) >= np.count_nonzero(known),
+        np.concatenate([hidden.track[has_position], track]),
+        np.concatenate([hidden.frame[has_position], frame]),
+        np.concatenate([hidden.uv[has_position], uv]),
+        np.arange(np.count_nonzero(has_position) + len(track)) >= np.count_nonzero(has_position),
     )
 
 
@@ -805,9 +807,9 @@ def _silent_notes(stated: NDArray[np.int64], silent: NDArray[np.int64], context:
     between = silent[silent < stated.max(initial=0)]
     if len(between):
         total = len(range(int(stated[0]), int(stated[-1]) + 1, context.speed))
-        some = ", ".join(map(str, between[:3])) + (", ..." if len(between) > 3 else "")
+        examples = ", ".join(map(str, between[:3])) + (", ..." if len(between) > 3 else "")
         have = counted_of(total - len(between), total, "frame", "has", "have")
-        yield f"{have} rows of imported tracks, not {some}: a track ends where it is absent and others are present"
+        yield f"{have} rows of imported tracks, not {examples}: a track ends where it is absent and others are present"
 
 
 def _require_computable(rows: Rows) -> None:

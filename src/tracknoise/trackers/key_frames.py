@@ -59,8 +59,8 @@ class KeyFrames:
     def positions(self, ids: NDArray[np.int64]) -> NDArray[np.float64]:
         """Where features (n,) were in the last key frame that is complete, (n, 2) px; NaN if they began later."""
         rows = np.append(self._uv, [[np.nan, np.nan]], axis=0)
-        at = np.where(np.isin(ids, self._ids), np.searchsorted(self._ids, ids), len(self._ids))
-        return rows[at]
+        places = np.where(np.isin(ids, self._ids), np.searchsorted(self._ids, ids), len(self._ids))
+        return rows[places]
 
 
 class Template(StrEnum):

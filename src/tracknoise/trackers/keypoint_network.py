@@ -47,7 +47,9 @@ class NetworkKeypoints:
 
     def chosen(self, rows: NDArray[np.intp] | slice) -> "NetworkKeypoints":
         """Some of them."""
-        descriptors, covariances = (None if one is None else one[rows] for one in (self.descriptors, self.covariances))
+        descriptors, covariances = (
+            None if values is None else values[rows] for values in (self.descriptors, self.covariances)
+        )
         return NetworkKeypoints(self.uv[rows], self.score[rows], descriptors, covariances)
 
     def at_least(self, score: float) -> "NetworkKeypoints":
@@ -67,14 +69,14 @@ def find_keypoints(image: NDArray[np.uint8], path: Path, units: NetworkUnits) ->
     size = opened.input_size or image.shape[::-1]
     shown = image if size == image.shape[::-1] else cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
     planes = np.repeat((shown.astype(np.float32) / 255)[None, None], opened.channels, axis=1)
-    found = opened.network.run(
+    outputs = opened.network.run(
         [*opened.outputs.values()],
         {opened.network.inputs[0].name: planes},
         work=_WORK_PER_PIXEL * size[0] * size[1],
         on=f"images of {size[0]} x {size[1]} px",
         expected="keypoints",
     )
-    return _strongest_first(path, dict(zip(opened.outputs, found, strict=True)), size, image.shape[::-1], units)
+    return _strongest_first(path, dict(zip(opened.outputs, outputs, strict=True)), size, image.shape[::-1], units)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -90,7 +92,7 @@ class _Keypoints:
 def _open(path: Path) -> _Keypoints:
     network = open_network(path, _WHAT)
     inputs, names = network.inputs, [output.name for output in network.outputs]
-    shapes = [one.shape for one in inputs]
+    shapes = [port.shape for port in inputs]
     if len(inputs) != 1 or len(shapes[0]) != 4 or inputs[0].type != "tensor(float)" or shapes[0][1] not in (1, 3):
         raise DataError(
             path, f"inputs {described(inputs)}", "one input of floats with the shape (1, 1 or 3, height, width)"
@@ -102,26 +104,26 @@ def _open(path: Path) -> _Keypoints:
     if "keypoints" not in outputs:
         raise DataError(path, f"outputs {', '.join(names)}", "one whose name contains keypoints")
     _, channels, height, width = shapes[0]
-    known = (width, height) if isinstance(width, int) and isinstance(height, int) else None
-    if known is not None and not (min(known) > 0 and known[0] * known[1] <= MOST_PIXELS):
-        raise DataError(path, f"an input of {known[0]} x {known[1]} px", f"at least one pixel, at most {MOST_PIXELS}")
-    return _Keypoints(network, 1 if channels == 1 else 3, known, outputs)
+    size = (width, height) if isinstance(width, int) and isinstance(height, int) else None
+    if size is not None and not (min(size) > 0 and size[0] * size[1] <= MOST_PIXELS):
+        raise DataError(path, f"an input of {size[0]} x {size[1]} px", f"at least one pixel, at most {MOST_PIXELS}")
+    return _Keypoints(network, 1 if channels == 1 else 3, size, outputs)
 
 
 def _strongest_first(
     path: Path,
-    found: Mapping[str, NDArray[Any]],
+    outputs: Mapping[str, NDArray[Any]],
     size: tuple[int, int],
     image: tuple[int, int],
     units: NetworkUnits,
 ) -> NetworkKeypoints:
     """What a network returned, in pixels of the image."""
-    arrays = {name: one.astype(np.float64) for name, one in found.items()}
+    arrays = {name: array.astype(np.float64) for name, array in outputs.items()}
     inner = {"keypoints": (2,), "descriptors": (None,), "covariances": (2, 2)}
     n = arrays["keypoints"].size // 2
-    rows_of = {name: _rows(one, n, inner.get(name, ())) for name, one in arrays.items()}
-    if any(one is None for one in rows_of.values()):
-        shapes = ", ".join(f"{name} {one.shape}" for name, one in found.items())
+    rows_of = {name: _rows(array, n, inner.get(name, ())) for name, array in arrays.items()}
+    if any(array is None for array in rows_of.values()):
+        shapes = ", ".join(f"{name} {array.shape}" for name, array in outputs.items())
         raise TrackerError(f"{path}: the network returned {shapes}, expected one element per keypoint: {_SHAPES}")
     uv, score, descriptors, matrices = (
         rows_of.get(name) for name in ("keypoints", "scores", "descriptors", "covariances")
@@ -161,35 +163,37 @@ def _rows(array: NDArray[np.float64], n: int, inner: tuple[int | None, ...]) -> 
         return None
     rows = array.reshape(array.shape[outer:])
     shape: tuple[int, ...] = rows.shape[1:]
-    lengths = [found if wanted is None else wanted for found, wanted in zip(shape, inner, strict=True)]
+    lengths = [actual if wanted is None else wanted for actual, wanted in zip(shape, inner, strict=True)]
     return rows if rows.shape == (n, *lengths) and all(lengths) else None
 
 
 def _finite_descriptors(path: Path, descriptors: NDArray[np.float64]) -> NDArray[np.float32]:
-    found: NDArray[np.float32]
+    narrowed: NDArray[np.float32]
     with np.errstate(over="ignore"):  # of what is refused
-        found = descriptors.astype(np.float32)
-    _require(path, ~np.isfinite(found).all(axis=1), "descriptors", descriptors, "finite numbers")
-    return found
+        narrowed = descriptors.astype(np.float32)
+    _require(path, ~np.isfinite(narrowed).all(axis=1), "descriptors", descriptors, "finite numbers")
+    return narrowed
 
 
 def _entries(path: Path, matrices: NDArray[np.float64]) -> NDArray[np.float32]:
     """uu, uv and vv of covariances (n, 2, 2), NaN where they are not known."""
-    found: NDArray[np.float32]
+    narrowed: NDArray[np.float32]
     with np.errstate(over="ignore"):  # of what is refused
-        found = matrices.astype(np.float32)
-    _require(path, np.isinf(found).any(axis=(1, 2)), "covariances", matrices, "finite numbers; NaN where it is unknown")
+        narrowed = matrices.astype(np.float32)
+    _require(
+        path, np.isinf(narrowed).any(axis=(1, 2)), "covariances", matrices, "finite numbers; NaN where it is unknown"
+    )
     _require(path, ~are_symmetric(matrices), "covariances", matrices, "symmetric matrices")
     uu, uv, vv = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
     largest = _LARGEST_CORRELATION * np.sqrt(np.maximum(uu, 0.0) * np.maximum(vv, 0.0))
     impossible = (uu < 0.0) | (vv < 0.0) | (np.abs(uv) > largest)
     _require(path, impossible, "covariances", matrices, "no negative eigenvalue")
-    return found.reshape(-1, 4)[:, [0, 1, 3]]
+    return narrowed.reshape(-1, 4)[:, [0, 1, 3]]
 
 
 def _require(path: Path, wrong: Any, what: str, values: NDArray[np.float64], expected: str) -> None:
     """Raise TrackerError if a row is wrong, naming the first. `wrong`: (n,) bool."""
     for row in np.flatnonzero(wrong)[:1]:
         shown = np.array2string(values[row].ravel()[:_SHOWN], precision=4, separator=", ", max_line_width=1000)
-        of = counted(int(np.count_nonzero(wrong)), "keypoint")
-        raise TrackerError(f"{path}: the network returned {what} {shown} of {of}, expected {expected}")
+        count = counted(int(np.count_nonzero(wrong)), "keypoint")
+        raise TrackerError(f"{path}: the network returned {what} {shown} of {count}, expected {expected}")

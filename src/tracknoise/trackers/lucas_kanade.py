@@ -142,7 +142,7 @@ class PatchFollower:
     def follow(self, before: Frame, after: Frame, features: Features) -> Flow:
         """Where features of one image are in the next."""
         n, settings = len(features), self._settings
-        uv, found = np.empty((n, 2)), np.zeros(n, dtype=np.bool_)
+        uv, is_found = np.empty((n, 2)), np.zeros(n, dtype=np.bool_)
         quality = {name: np.empty(n, dtype=np.float32) for name in self.quality_names}
         with np.errstate(over="ignore"):  # of a position that another front end reports, which is then not refined
             guess = self._guess(before, after, features).astype(np.float32)
@@ -153,15 +153,15 @@ class PatchFollower:
             uv[rows] = target
             if settings.backward_px is not None:
                 reached &= self._gap_px(image, after.image, patch, target) <= settings.backward_px
-            found[rows] = reached
+            is_found[rows] = reached
             quality["lk_min_eigenvalue"][rows] = self._min_eigenvalue(image, patch)
-        found &= np.isfinite(uv).all(axis=1)
+        is_found &= np.isfinite(uv).all(axis=1)
         if settings.covariance:
             entries = shift_covariance(after, uv, quality["lk_residual"], window_px=settings.window_px)
             quality |= dict(zip(_COVARIANCE, entries.T, strict=True))
         if self._agreement is not None:
-            found &= self._agreement.holds(before, after, features, np.where(found[:, None], uv, 0.0))
-        return Flow(uv, found, quality)
+            is_found &= self._agreement.holds(before, after, features, np.where(is_found[:, None], uv, 0.0))
+        return Flow(uv, is_found, quality)
 
     def _templates(
         self, before: Frame, features: Features
@@ -200,8 +200,8 @@ class PatchFollower:
         settings = self._settings
         levels = settings.extra_levels if settings.backward_levels is None else settings.backward_levels
         guess = patch if settings.backward_start is BackwardStart.previous else target
-        back, found, _ = self._aligned(after, image, target, guess, levels)
-        return np.where(found, displacement_px(patch.astype(np.float64), back.astype(np.float64)), np.inf)
+        back, is_found, _ = self._aligned(after, image, target, guess, levels)
+        return np.where(is_found, displacement_px(patch.astype(np.float64), back.astype(np.float64)), np.inf)
 
     def _min_eigenvalue(self, image: NDArray[np.uint8], patch: Positions) -> NDArray[np.float32]:
         """Smallest eigenvalue of patches at positions (n, 2): a call without iterations, which takes little time.

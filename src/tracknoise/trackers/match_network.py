@@ -63,29 +63,29 @@ def network_matches(
 def _open(path: Path) -> Network:
     network = open_network(path, _WHAT)
     inputs, outputs = network.inputs, network.outputs
-    names = {one.name for one in inputs}
+    names = {port.name for port in inputs}
     expected = f"inputs {', '.join(_INPUTS)} of floats, and outputs {' and '.join(_OUTPUTS)}"
     if names & {*_OF_IMAGES}:
         found = f"a pipeline from images to matches (inputs {described(inputs)})"
         raise DataError(path, found, f"the network of matches by itself: {expected}")
-    if names != {*_INPUTS} or any(one.type != "tensor(float)" for one in inputs):
+    if names != {*_INPUTS} or any(port.type != "tensor(float)" for port in inputs):
         raise DataError(path, f"inputs {described(inputs)}", expected)
-    if not {*_OUTPUTS} <= {one.name for one in outputs}:
+    if not {*_OUTPUTS} <= {port.name for port in outputs}:
         raise DataError(path, f"outputs {described(outputs)}", expected)
     return network
 
 
 def _require_length(network: Network, length: int) -> None:
     """Raise TrackerError unless descriptors have the length that the network states, if it states one."""
-    for one in network.inputs:
-        stated = one.shape[-1] if one.name.startswith("desc") and one.shape else None
+    for port in network.inputs:
+        stated = port.shape[-1] if port.name.startswith("desc") and port.shape else None
         if isinstance(stated, int) and stated != length:
-            raise TrackerError(f"{network.path}: descriptors of {length} numbers, expected {stated} for {one.name}")
+            raise TrackerError(f"{network.path}: descriptors of {length} numbers, expected {stated} for {port.name}")
 
 
-def _pairs(path: Path, found: list[Any], counts: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
+def _pairs(path: Path, outputs: list[Any], counts: tuple[int, int]) -> tuple[NDArray[np.intp], NDArray[np.float32]]:
     """Pairs of rows (k, 2) and their scores (k,), once both are known to fit to the keypoints."""
-    rows, score = (np.asarray(one) for one in found)
+    rows, score = (np.asarray(output) for output in outputs)
     place = f"{path}: the network returned"
     if rows.dtype.kind not in "iu" or score.dtype.kind != "f":
         raise TrackerError(f"{place} matches0 {rows.dtype} and mscores0 {score.dtype}, expected int64 and float32")

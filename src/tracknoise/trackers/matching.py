@@ -100,17 +100,17 @@ def supported(source: NDArray[np.float64], target: NDArray[np.float64], size: tu
     Fast, Ultra-robust Feature Correspondence, CVPR 2017.
     """
     scale = _CELLS / np.array(size, dtype=np.float64)
-    there = np.clip(np.floor(target * scale), 0, _CELLS - 1).astype(np.intp)
+    target_cells = np.clip(np.floor(target * scale), 0, _CELLS - 1).astype(np.intp)
     kept = np.zeros(len(source), dtype=np.bool_)
     for shift in ((0.0, 0.0), (0.5, 0.0), (0.0, 0.5), (0.5, 0.5)):
-        kept |= _by_cells(np.clip(np.floor(source * scale + shift), 0, _CELLS).astype(np.intp), there)
+        kept |= _by_cells(np.clip(np.floor(source * scale + shift), 0, _CELLS).astype(np.intp), target_cells)
     return kept
 
 
-def _by_cells(here: NDArray[np.intp], there: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _by_cells(source_cells: NDArray[np.intp], target_cells: NDArray[np.intp]) -> NDArray[np.bool_]:
     """Which matches (n,) belong to right pairs of cells, given as columns and rows (n, 2) of both images."""
     side = _CELLS + 3  # with a border of empty cells, so that each has neighbours
-    first, second = ((cells + 1) @ [1, side] for cells in (here, there))
+    first, second = ((cells + 1) @ [1, side] for cells in (source_cells, target_cells))
     counts = np.bincount(first * side**2 + second, minlength=side**4).reshape(side**2, side**2)
     used = np.unique(first)
     best = counts[used].argmax(axis=1)

@@ -96,12 +96,12 @@ def open_network(path: Path, what: str) -> Network:
     status = path.stat()
     names = [path.name, *_external_of(path, status.st_size, status.st_mtime_ns)]
     states = [(name, (path.parent / name).stat()) for name in names if is_regular_file(path.parent / name)]
-    return _opened(path, tuple((name, one.st_size, one.st_mtime_ns) for name, one in states), what)
+    return _opened(path, tuple((name, state.st_size, state.st_mtime_ns) for name, state in states), what)
 
 
 def described(values: Sequence[Port]) -> str:
     """Inputs or outputs of a network in a few words: names, types and shapes."""
-    return ", ".join(f"{one.name} {one.type} {list(one.shape)}" for one in values)
+    return ", ".join(f"{port.name} {port.type} {list(port.shape)}" for port in values)
 
 
 @lru_cache(maxsize=8)
@@ -120,8 +120,8 @@ def _ports(path: str, versions: Versions) -> tuple[tuple[Port, ...], tuple[Port,
     """Inputs and outputs of a network, in the process that runs it."""
     session = _session(path, versions)
     inputs, outputs = (
-        tuple(Port(one.name, one.type, tuple(one.shape)) for one in every)
-        for every in (session.get_inputs(), session.get_outputs())
+        tuple(Port(port.name, port.type, tuple(port.shape)) for port in ports)
+        for ports in (session.get_inputs(), session.get_outputs())
     )
     return inputs, outputs
 
@@ -131,19 +131,19 @@ def _outputs(
 ) -> list[NDArray[Any]]:
     """Outputs of a network, in the process that runs it."""
     try:
-        found = _session(path, versions).run(outputs, inputs)
+        values = _session(path, versions).run(outputs, inputs)
     except Exception as error:  # of its own types, which depend on the build
         raise TrackerError(f"{path}: the network fails on {on} ({first_line(error)}), expected {expected}") from error
-    for name, one in zip(outputs, found, strict=True):
-        if not isinstance(one, np.ndarray) or one.dtype.kind not in "biuf":
-            what = f"{one.dtype} values" if isinstance(one, np.ndarray) else type(one).__name__
+    for name, value in zip(outputs, values, strict=True):
+        if not isinstance(value, np.ndarray) or value.dtype.kind not in "biuf":
+            what = f"{value.dtype} values" if isinstance(value, np.ndarray) else type(value).__name__
             raise TrackerError(f"{path}: the network returned {name} of {what}, expected an array of numbers")
-    size = sum(one.nbytes for one in found)
+    size = sum(value.nbytes for value in values)
     if size > _MOST_OUTPUT_BYTES:
-        shapes = ", ".join(f"{name} {one.shape}" for name, one in zip(outputs, found, strict=True))
+        shapes = ", ".join(f"{name} {value.shape}" for name, value in zip(outputs, values, strict=True))
         most = f"{expected} of at most {_MOST_OUTPUT_BYTES} bytes"
         raise TrackerError(f"{path}: the network returned {shapes}, {size} bytes, on {on}, expected {most}")
-    arrays: list[NDArray[Any]] = found
+    arrays: list[NDArray[Any]] = values
     return arrays
 
 
@@ -197,31 +197,31 @@ def _external_names(content: bytes) -> Iterator[str]:
 
 def _fields(message: memoryview) -> Iterator[tuple[int, memoryview]]:
     """Number and content of each field that has a length, up to the first that is damaged."""
-    at = 0
-    while at < len(message):
-        key, at = _number(message, at)
+    offset = 0
+    while offset < len(message):
+        key, offset = _number(message, offset)
         kind = key & 7
         if kind == _BYTES:
-            length, at = _number(message, at)
-            if at + length > len(message):
+            length, offset = _number(message, offset)
+            if offset + length > len(message):
                 return
-            yield key >> 3, message[at : at + length]
-            at += length
+            yield key >> 3, message[offset : offset + length]
+            offset += length
         elif kind == _VARINT:
-            _, at = _number(message, at)
+            _, offset = _number(message, offset)
         elif kind in (_FIXED_64, _FIXED_32):
-            at += 8 if kind == _FIXED_64 else 4
+            offset += 8 if kind == _FIXED_64 else 4
         else:
             return
 
 
-def _number(message: memoryview, at: int) -> tuple[int, int]:
+def _number(message: memoryview, offset: int) -> tuple[int, int]:
     """A number of seven bits a byte, and where it ends."""
     number = shift = 0
-    while at < len(message):
-        byte = message[at]
+    while offset < len(message):
+        byte = message[offset]
         number |= (byte & 127) << shift
-        at, shift = at + 1, shift + 7
+        offset, shift = offset + 1, shift + 7
         if byte < 128:
             break
-    return number, at
+    return number, offset

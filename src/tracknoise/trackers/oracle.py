@@ -188,8 +188,8 @@ class Oracle:
 
 
 def _unfit(lacking: str) -> SettingsError:
-    found = f"a kind of truth that cannot {lacking}"
-    return SettingsError(f"tracker 'oracle': {found}, expected one that can, such as 'birth' or 'raycast'")
+    kind = f"a kind of truth that cannot {lacking}"
+    return SettingsError(f"tracker 'oracle': {kind}, expected one that can, such as 'birth' or 'raycast'")
 
 
 class OracleTracker:
@@ -227,15 +227,15 @@ class OracleTracker:
         end = self._fates(self._point_uv)
         alive = end == ALIVE
         uv = self._point_uv + self._errors(frame.index - self._born, noise)
-        found = before.chosen(alive, uv[alive])
+        tracked = before.chosen(alive, uv[alive])
         self._points, self._point_uv, self._born = self._points[alive], self._point_uv[alive], self._born[alive]
-        new = self._begin(frame.index, len(found))
-        self._features = found.joined(new)
+        new = self._begin(frame.index, len(tracked))
+        self._features = tracked.joined(new)
         return report(
             offered=before.ids,
             end=end,
-            matched=len(found) + int(np.count_nonzero(end == TrackEnd.outlier)),
-            found=found,
+            matched=len(tracked) + int(np.count_nonzero(end == TrackEnd.outlier)),
+            found=tracked,
             new=new,
             response=np.full(len(new), np.nan, dtype=np.float32),
             quality={} if texture is None else {"min_eigenvalue": texture[alive]},

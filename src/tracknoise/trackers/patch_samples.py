@@ -54,11 +54,11 @@ def correlation(first: Floats, second: Floats) -> Floats:
     It does not depend on brightness and contrast. Shapes: first, second (n, p); returns (n,) float32. Only samples that
     both patches have count. NaN where one of them has no texture.
     """
-    both = np.isfinite(first) & np.isfinite(second)
-    count = np.maximum(np.count_nonzero(both, axis=1), 1)[:, None]
-    a, b = (np.where(both, values, 0).astype(np.float64) for values in (first, second))
-    a, b = (np.where(both, values - values.sum(axis=1, keepdims=True) / count, 0) for values in (a, b))
+    in_both = np.isfinite(first) & np.isfinite(second)
+    count = np.maximum(np.count_nonzero(in_both, axis=1), 1)[:, None]
+    a, b = (np.where(in_both, values, 0).astype(np.float64) for values in (first, second))
+    a, b = (np.where(in_both, values - values.sum(axis=1, keepdims=True) / count, 0) for values in (a, b))
     size = np.sqrt((a * a).sum(axis=1) * (b * b).sum(axis=1))
-    found = np.full(len(a), np.nan)
-    np.divide((a * b).sum(axis=1), size, out=found, where=size > 0)
-    return found.astype(np.float32)
+    coefficient = np.full(len(a), np.nan)
+    np.divide((a * b).sum(axis=1), size, out=coefficient, where=size > 0)
+    return coefficient.astype(np.float32)

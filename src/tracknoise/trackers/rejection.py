@@ -74,13 +74,13 @@ class Homography:
         for _ in range(_MAX_REFINEMENTS):
             candidate = best + _step(residual, jacobian, damping)
             x, y, inverse = _divided(candidate, source)
-            found = _residual(x, y, target)
-            new_cost = float(np.sum(found * found))
+            new_residual = _residual(x, y, target)
+            new_cost = float(np.sum(new_residual * new_residual))
             if not new_cost < cost:
                 damping *= 10
                 continue
             gain = cost - new_cost
-            best, cost, damping, residual = candidate, new_cost, damping / 10, found
+            best, cost, damping, residual = candidate, new_cost, damping / 10, new_residual
             if gain <= _CONVERGED * cost:
                 break
             jacobian = _jacobian(x, y, inverse, source)
@@ -218,8 +218,8 @@ def _sampson(models: Floats, source: Floats, target: Floats) -> tuple[Floats, Fl
 
 def _equations(source: Floats, target: Floats) -> Floats:
     """Rows (..., n, 9) whose product with the entries of F is x'^T F x."""
-    one = np.ones_like(source[..., :1])
-    x = np.concatenate([source, one], axis=-1)
+    ones = np.ones_like(source[..., :1])
+    x = np.concatenate([source, ones], axis=-1)
     rows: Floats = np.concatenate([target[..., :1] * x, target[..., 1:] * x, x], axis=-1)
     return rows
 
@@ -283,7 +283,9 @@ class FivePoint(Essential):
     def refine(self, model: Floats, source: Floats, target: Floats) -> Floats:
         """The eight-point solution, where it fits better than the model: on a plane it does not."""
         refined = super().refine(model, source, target)
-        return min((refined, model), key=lambda one: float(self.squared_errors(one[None], source, target).sum()))
+        return min(
+            (refined, model), key=lambda candidate: float(self.squared_errors(candidate[None], source, target).sum())
+        )
 
 
 class KnownRotation(Fundamental):
@@ -488,12 +490,12 @@ class Rejection:
         -------
         (n,) bool
         """
-        everything = np.ones(len(source), dtype=np.bool_)
+        all_matches = np.ones(len(source), dtype=np.bool_)
         if self.model is Model.none:
-            return everything
+            return all_matches
         geometry = _GEOMETRIES[self.model]
         if len(source) <= geometry.sample_size:
-            return everything
+            return all_matches
         if self.model in _OF_RAYS:
             scale = 1.0 / (self.focal_px or 1.0)
             source, target = source * scale, target * scale
@@ -512,7 +514,7 @@ class Rejection:
             support=marginal_support if self.consensus is Consensus.magsac else None,
         )
         if best is None:
-            return everything
+            return all_matches
         if self.consensus is Consensus.hypothesis:
             return best.inliers
         refined = geometry.refine(best.model, source[best.inliers], target[best.inliers])

@@ -52,12 +52,12 @@ def places_in(size: tuple[int, int], detection: Detection) -> Places:
 def _candidates(frame: Frame, detection: Detection, live: Floats) -> Births:
     """Keypoints that may become features; with a grid, those of cells with few enough live features (m, 2)."""
     if detection.grid is None:
-        found = keypoints(frame, detection)
-        return found.uv, found.response
-    found = cell_keypoints(frame, detection, detection.grid)
+        points = keypoints(frame, detection)
+        return points.uv, points.response
+    points = cell_keypoints(frame, detection, detection.grid)
     counts = np.bincount(_cell(live, frame.size, detection.grid), minlength=detection.grid[0] * detection.grid[1])
-    wanted = counts[_cell(found.uv, frame.size, detection.grid)] < detection.refill_below
-    return found.uv[wanted], found.response[wanted]
+    wanted = counts[_cell(points.uv, frame.size, detection.grid)] < detection.refill_below
+    return points.uv[wanted], points.response[wanted]
 
 
 def _cell(uv: Floats, size: tuple[int, int], grid: tuple[int, int]) -> NDArray[np.intp]:
@@ -201,10 +201,10 @@ class CircleMask:
             self._free[:border], self._free[-border:], self._free[:, :border], self._free[:, -border:] = 0, 0, 0, 0
         if limit < 1 or min(frame.size) < SMALLEST_SIDE_PX:
             return np.empty((0, 2)), np.empty(0, dtype=np.float32)
-        found: tuple[Any, Any] = cv2.goodFeaturesToTrackWithQuality(
+        detected: tuple[Any, Any] = cv2.goodFeaturesToTrackWithQuality(
             frame.image, limit, detection.quality, detection.distance_px, self._free, blockSize=detection.block_px
         )
-        corners, response = found
+        corners, response = detected
         if corners is None:
             return np.empty((0, 2)), np.empty(0, dtype=np.float32)
         return np.asarray(corners, dtype=np.float64)[:, 0], np.asarray(response, dtype=np.float32)[:, 0]
@@ -230,17 +230,17 @@ def suppression_radii(uv: Floats, response: NDArray[np.float32], live: Floats) -
     """
     radii = np.zeros(len(uv))
     strongest = np.argsort(-response, kind="stable")[:_MOST_SUPPRESSED]
-    at, strength = uv[strongest], response[strongest]
+    positions, strength = uv[strongest], response[strongest]
     stronger = np.searchsorted(-strength, -strength / _ROBUSTNESS)  # how many are clearly stronger than each
-    for start in range(0, len(at), _BLOCK):
+    for start in range(0, len(positions), _BLOCK):
         rows = slice(start, start + _BLOCK)
-        others = np.concatenate([at[: stronger[rows].max()], live])
-        if not len(others):
+        suppressors = np.concatenate([positions[: stronger[rows].max()], live])
+        if not len(suppressors):
             radii[strongest[rows]] = np.inf
             continue
-        squared = (at[rows, :1] - others[:, 0]) ** 2 + (at[rows, 1:] - others[:, 1]) ** 2
-        weaker = np.arange(len(others)) >= stronger[rows, None]
-        weaker[:, len(others) - len(live) :] = False
+        squared = (positions[rows, :1] - suppressors[:, 0]) ** 2 + (positions[rows, 1:] - suppressors[:, 1]) ** 2
+        weaker = np.arange(len(suppressors)) >= stronger[rows, None]
+        weaker[:, len(suppressors) - len(live) :] = False
         squared[weaker] = np.inf
         radii[strongest[rows]] = np.sqrt(squared.min(axis=1))
     return radii
@@ -308,15 +308,15 @@ def spread_keypoints(frame: Frame, detection: Detection) -> Keypoints:
     Squares do not keep them apart, and their margin does not apply: circles, or the cells of `Spacing.cells`, do. With
     `Spacing.anms` circles do as well: all keypoints are matched, so that none is farthest.
     """
-    found = keypoints(frame, detection) if detection.grid is None else cell_keypoints(frame, detection, detection.grid)
+    points = keypoints(frame, detection) if detection.grid is None else cell_keypoints(frame, detection, detection.grid)
     if detection.spacing is not Spacing.squares:
-        rows = places_in(frame.size, detection).claim(found.uv)
-        found = Keypoints(found.raw, found.order[rows], found.uv[rows], found.response[rows])
+        rows = places_in(frame.size, detection).claim(points.uv)
+        points = Keypoints(points.raw, points.order[rows], points.uv[rows], points.response[rows])
     if not detection.subpixel_px:
-        return found
-    uv = refined(frame, found.uv, detection)
-    raw = [_at(found.raw[index], u, v) for index, (u, v) in zip(found.order.tolist(), uv.tolist(), strict=True)]
-    return Keypoints(raw, np.arange(len(raw)), uv, found.response)
+        return points
+    uv = refined(frame, points.uv, detection)
+    raw = [_at(points.raw[index], u, v) for index, (u, v) in zip(points.order.tolist(), uv.tolist(), strict=True)]
+    return Keypoints(raw, np.arange(len(raw)), uv, points.response)
 
 
 def _at(point: cv2.KeyPoint, u: float, v: float) -> cv2.KeyPoint:

@@ -111,10 +111,10 @@ and signs are the same: see `key`."""
 def renamed(columns: Iterable[str]) -> dict[str, str]:
     """New names of the columns that have another one of `SYNONYMS`."""
     named = [*columns]
-    found = {key(column): column for column in reversed(named)}
+    column_of = {key(column): column for column in reversed(named)}
     new = {}
-    for name, others in SYNONYMS.items():
-        used = next((found[other] for other in map(key, (name, *others)) if other in found), name)
+    for name, synonyms in SYNONYMS.items():
+        used = next((column_of[synonym] for synonym in map(key, (name, *synonyms)) if synonym in column_of), name)
         if used != name and name not in named:
             new[used] = name
     return new
@@ -136,9 +136,9 @@ def unused_notes(path: Path, columns: Iterable[str]) -> tuple[str, ...]:
     if not names:
         return ()
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
-    one = len(names) == 1
-    subject = f"{'column' if one else 'columns'} {', '.join(names[:_MOST_NAMED])}{more}"
-    return (f"{subject} of {path.name} {'is' if one else 'are'} not used",)
+    is_one = len(names) == 1
+    subject = f"{'column' if is_one else 'columns'} {', '.join(names[:_MOST_NAMED])}{more}"
+    return (f"{subject} of {path.name} {'is' if is_one else 'are'} not used",)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -182,21 +182,21 @@ def meant(
     for name, column in columns.items():
         if name in cameras:
             continue
-        known = None if key(name) in _SCORE else _flags(name, column.gather(rows), lambda row: place(rows[row]))
-        if known is None:
+        flag = None if key(name) in _SCORE else _flags(name, column.gather(rows), lambda row: place(rows[row]))
+        if flag is None:
             scores[name] = np.full(n_rows, np.nan)
             scores[name][rows] = _numbers(name, column.gather(rows), lambda row: place(rows[row]))
         else:
             flags[name] = np.zeros(n_rows, dtype=np.bool_)
-            flags[name][rows] = known
-    for name, known in flags.items():
-        if key(name) in _STATUS and known[mine].mean() < _LEAST_FOUND:
-            found = f"{name} is 0 in {1 - known[mine].mean():.0%} of the rows"
+            flags[name][rows] = flag
+    for name, flag in flags.items():
+        if key(name) in _STATUS and flag[mine].mean() < _LEAST_FOUND:
+            found = f"{name} is 0 in {1 - flag[mine].mean():.0%} of the rows"
             raise DataError(path, found, "1 where a feature was found; name the column lost if 1 says that it was not")
     limited, left = _limited(path, scores, bool(flags), chosen.visible_above)
-    both = flags | limited
-    seen = np.logical_and.reduce([*both.values()]) if both else None
-    return Meant(mine, seen, (*unused, *left), tuple(_left_out(mine, seen, both)))
+    all_flags = flags | limited
+    seen = np.logical_and.reduce([*all_flags.values()]) if all_flags else None
+    return Meant(mine, seen, (*unused, *left), tuple(_left_out(mine, seen, all_flags)))
 
 
 def _of_camera(
@@ -211,22 +211,22 @@ def _of_camera(
                 path, f"camera = {chosen} and no column of the camera", "a column camera, or no such option"
             )
         return np.ones(n_rows, dtype=np.bool_), ()
-    known = np.unique(cameras[name]).tolist()
-    listed = ", ".join(known[:_MOST_NAMED])
-    if chosen is None and len(known) > 1:
-        option = known[0] if known[0].isdecimal() else f'"{known[0]}"'
+    names = np.unique(cameras[name]).tolist()
+    listed = ", ".join(names[:_MOST_NAMED])
+    if chosen is None and len(names) > 1:
+        option = names[0] if names[0].isdecimal() else f'"{names[0]}"'
         raise DataError(path, f"several cameras: {name} is {listed}", f"one, or the option camera = {option}")
-    if chosen is not None and n_rows and str(chosen) not in known:
+    if chosen is not None and n_rows and str(chosen) not in names:
         raise DataError(path, f"no row of camera {chosen}: {name} is {listed}", "one of these as the option camera")
-    rest = tuple(other for other in cameras if other != name)
-    return cameras[name] == (str(chosen) if chosen is not None or not known else known[0]), rest
+    rest = tuple(column for column in cameras if column != name)
+    return cameras[name] == (str(chosen) if chosen is not None or not names else names[0]), rest
 
 
 def _texts(column: pl.Series) -> NDArray[np.str_]:
     """Cells as text, whole numbers without decimals."""
     if column.dtype.is_float():
-        whole = column.cast(pl.Int64, strict=False)
-        column = whole if (whole == column).all() else column
+        integers = column.cast(pl.Int64, strict=False)
+        column = integers if (integers == column).all() else column
     text = column.cast(pl.String).fill_null("").str.strip_chars().str.replace(r"^(-?\d+)\.0+$", "$1")
     return np.array(text.to_list(), dtype=np.str_)
 
@@ -266,8 +266,8 @@ def _limited(
 ) -> tuple[dict[str, NDArray[np.bool_]], tuple[str, ...]]:
     """Whether a score is above its limit, by name, and the scores that are not needed."""
     shown = {name: _of_being_seen(path, name, values) for name, values in scores.items()}
-    known = {name: values[np.isfinite(values)] for name, values in shown.items()}
-    ranges = {name: (float(values.min()), float(values.max())) for name, values in known.items() if len(values)}
+    finite = {name: values[np.isfinite(values)] for name, values in shown.items()}
+    ranges = {name: (float(values.min()), float(values.max())) for name, values in finite.items() if len(values)}
     stated = [name for name in ranges if key(name) not in _SCORE]
     stated = stated or [name for name, (low, high) in ranges.items() if low < high]
     if limit is None:
@@ -281,24 +281,24 @@ def _limited(
         found = f"several scores: {', '.join(stated)}" if stated else f"visible_above = {limit:g} and no score"
         raise DataError(path, found, "one column of a score or visibility that is no 0 or 1")
     (name,) = stated
-    return {name: shown[name] > limit}, tuple(other for other in scores if other != name)
+    return {name: shown[name] > limit}, tuple(score for score in scores if score != name)
 
 
 def _of_being_seen(path: Path, name: str, values: NDArray[np.float64]) -> NDArray[np.float64]:
     """A score that is larger where a feature was more likely seen: of a probability that it was not, one minus it."""
     if key(name) not in _NOT_SEEN:
         return values
-    known = values[np.isfinite(values)]
-    if ((known < 0.0) | (known > 1.0)).any():
-        raise DataError(path, f"column {name} from {known.min():g} to {known.max():g}", "0 or 1, or probabilities")
+    finite = values[np.isfinite(values)]
+    if ((finite < 0.0) | (finite > 1.0)).any():
+        raise DataError(path, f"column {name} from {finite.min():g} to {finite.max():g}", "0 or 1, or probabilities")
     return 1.0 - values
 
 
 def _left_out(mine: NDArray[np.bool_], seen: NDArray[np.bool_] | None, columns: Iterable[str]) -> Iterator[str]:
     """What was left out, one sentence each."""
-    others = int(np.count_nonzero(~mine))
-    if others:
-        yield f"{counted_of(others, len(mine), 'imported row', 'is', 'are')} of other cameras, and left out"
+    n_others = int(np.count_nonzero(~mine))
+    if n_others:
+        yield f"{counted_of(n_others, len(mine), 'imported row', 'is', 'are')} of other cameras, and left out"
     if seen is not None and (hidden := int(np.count_nonzero(mine & ~seen))):
         rows = counted_of(hidden, int(mine.sum()), "imported row", "says", "say")
         yield f"{rows} that the feature was not seen (column {', '.join(columns)}), and are no observations"

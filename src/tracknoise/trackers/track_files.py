@@ -97,9 +97,9 @@ class _More:
             self.flags = {place: set() for place in range(len(cells))}
         self.count = max(self.count, len(cells))
         for place in [place for place in self.flags if place < len(cells)]:
-            known = {"0", "1"} & {cells[place].strip().removesuffix(".0")}
-            if known:
-                self.flags[place] |= known
+            flags = {"0", "1"} & {cells[place].strip().removesuffix(".0")}
+            if flags:
+                self.flags[place] |= flags
             else:
                 del self.flags[place]
 
@@ -107,7 +107,7 @@ class _More:
         """A sentence about columns without a name; refuses one that seems to say which features were seen."""
         if not 0 < self.count < _LEAST_DESCRIPTOR:
             return ()
-        flag = next((place for place, known in self.flags.items() if len(known) > 1), None)
+        flag = next((place for place, values in self.flags.items() if len(values) > 1), None)
         if flag is not None:
             found = f"column {first + flag + 1} without a name, of 0 and 1"
             raise DataError(path, found, f"a first line that names all columns, such as: {header}")
@@ -159,21 +159,21 @@ def read_events(path: Path, chosen: Selection = PLAIN) -> Rows:
     names, is_row = _named_columns(path)
     if names and (is_row or not _are_events(names)):
         return _rows(path, _split_table(path, names), chosen)
-    found = read_numbers(path, None, _EVENTS)
-    track = whole_numbers(lambda row: f"{path}:{found.lines[row]}", found.values[:, 0], "id")
-    time_s = found.values[:, 1] / (chosen.time_unit or TimeUnit.s).per_second
-    notes = found.more.notes(path, len(_EVENTS), "# id t x y visible")
-    return Rows(path, track, found.values[:, 2:].copy(), time_s=time_s, line=np.array(found.lines), notes=notes)
+    numbers = read_numbers(path, None, _EVENTS)
+    track = whole_numbers(lambda row: f"{path}:{numbers.lines[row]}", numbers.values[:, 0], "id")
+    time_s = numbers.values[:, 1] / (chosen.time_unit or TimeUnit.s).per_second
+    notes = numbers.more.notes(path, len(_EVENTS), "# id t x y visible")
+    return Rows(path, track, numbers.values[:, 2:].copy(), time_s=time_s, line=np.array(numbers.lines), notes=notes)
 
 
 def _are_events(names: tuple[str, ...]) -> bool:
     """Whether columns are those of events in their order, and their times in seconds."""
-    known = [known_name(name) for name in names]
+    columns = [known_name(name) for name in names]
     return (
-        len(known) == len(_EVENTS)
-        and known[0::2] == ["track", "u_px"]
-        and known[3] == "v_px"
-        and (TIMES.get(key(known[1]), TimeUnit.ns) in (None, TimeUnit.s))
+        len(columns) == len(_EVENTS)
+        and columns[0::2] == ["track", "u_px"]
+        and columns[3] == "v_px"
+        and (TIMES.get(key(columns[1]), TimeUnit.ns) in (None, TimeUnit.s))
     )
 
 
@@ -183,15 +183,15 @@ def _named_columns(path: Path) -> tuple[tuple[str, ...], bool]:
     Without such a line there are no names.
     """
     require_regular(path, "a file of tracks", most=_MOST_BYTES)
-    found: tuple[str, ...] = ()
+    column_names: tuple[str, ...] = ()
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         while text := file.readline(_BEGINNING):
             names = tuple(_plain_name(name) for name in text.strip().lstrip("#").split())
             is_row = bool(text.strip()) and not text.lstrip().startswith("#")
-            found = names if _are_columns(names) else found
+            column_names = names if _are_columns(names) else column_names
             if is_row:
-                return found, found == names
-    return found, False
+                return column_names, column_names == names
+    return column_names, False
 
 
 def _are_columns(names: Iterable[str]) -> bool:
@@ -220,8 +220,8 @@ def _split_table(path: Path, names: tuple[str, ...]) -> "_Table":
 
 def read_xivo(path: Path, chosen: Selection = PLAIN) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
-    found = read_numbers(path, ",", _XIVO)
-    values, lines = found.values, found.lines
+    numbers = read_numbers(path, ",", _XIVO)
+    values, lines = numbers.values, numbers.lines
     track = whole_numbers(lambda row: f"{path}:{lines[row]}", values[:, 1], "id")
     time_ns = whole_numbers(lambda row: f"{path}:{lines[row]}", np.rint(values[:, 0]), "timestamp", most=_LARGEST_TIME)
     if chosen.time_unit is not None:
@@ -230,7 +230,7 @@ def read_xivo(path: Path, chosen: Selection = PLAIN) -> Rows:
     if len(between) and np.median(between) < _LEAST_BETWEEN_NS:
         first = ", ".join(map(str, np.unique(time_ns)[:3]))
         raise DataError(path, f"no header line, and times {first}, ... ns", _HEADER)
-    notes = found.more.notes(path, len(_XIVO), "timestamp_ns,id,u,v,visible")
+    notes = numbers.more.notes(path, len(_XIVO), "timestamp_ns,id,u,v,visible")
     return Rows(path, track, values[:, 2:4].copy(), time_ns=time_ns, line=np.array(lines), notes=notes)
 
 
@@ -277,22 +277,22 @@ class _Table:
 def _rows(path: Path, table: _Table, chosen: Selection) -> Rows:
     """The rows of a table that are of one camera: observations, and what says that a track was not observed."""
     empty = [_is_empty(table.columns[name]) for name in ("u_px", "v_px")]
-    there = (~(empty[0] & empty[1])).to_numpy()
+    has_position = (~(empty[0] & empty[1])).to_numpy()
     of_frame = [name for name in table.columns.columns if name == "frame" or key(name) in TIMES or key(name) in IMAGES]
-    known = [~_is_empty(table.columns[name]).to_numpy() for name in ("track", *of_frame[:1])]
-    given = _Observed(path, table.columns, table.line).filtered(there | np.logical_and.reduce(known))
-    columns = {name: given.table[name] for name in given.table.columns if _says(name)}
-    said = meant(path, columns, len(given.line), chosen, given.place)
-    mine = given.filtered(said.mine)
+    stated = [~_is_empty(table.columns[name]).to_numpy() for name in ("track", *of_frame[:1])]
+    observed = _Observed(path, table.columns, table.line).filtered(has_position | np.logical_and.reduce(stated))
+    columns = {name: observed.table[name] for name in observed.table.columns if _says(name)}
+    meaning = meant(path, columns, len(observed.line), chosen, observed.place)
+    mine = observed.filtered(meaning.mine)
     seen = ~np.logical_and.reduce([_is_empty(mine.table[name]).to_numpy() for name in ("u_px", "v_px")])
-    if said.seen is not None:
-        seen &= said.seen[said.mine]
+    if meaning.seen is not None:
+        seen &= meaning.seen[meaning.mine]
     if not len(mine.line) or not seen.any():
         raise DataError(
             path, "no row with a feature that was seen" if len(mine.line) else "no track", "at least one row"
         )
     when, names = _when(mine, seen, chosen)
-    unused = [*table.unused, *(name for name in of_frame if name not in names.values()), *said.unused]
+    unused = [*table.unused, *(name for name in of_frame if name not in names.values()), *meaning.unused]
     return Rows(
         path,
         mine.numbers("track", pl.Int64),
@@ -304,7 +304,7 @@ def _rows(path: Path, table: _Table, chosen: Selection) -> Rows:
         quality=_quality(mine),
         seen=None if seen.all() else seen,
         names=names,
-        notes=(*said.notes, *unused_notes(path, unused)),
+        notes=(*meaning.notes, *unused_notes(path, unused)),
     )
 
 
@@ -362,22 +362,22 @@ def _is_empty(column: pl.Series) -> pl.Series:
 def _when(observed: _Observed, seen: NDArray[np.bool_], chosen: Selection) -> tuple[dict[str, Any], dict[Moment, str]]:
     """Frames, times and images, by the names that `Rows` has for them, and the names that the file has for them."""
     columns = observed.table.columns
-    found: dict[str, NDArray[Any]] = {}
+    when: dict[str, NDArray[Any]] = {}
     names: dict[Moment, str] = {}
     images = [name for name in ("frame", *columns) if name in columns and (name == "frame" or key(name) in IMAGES)]
     for name in images:
         texts = observed.table[name].cast(pl.String).fill_null("").to_list()
-        if all(is_image_name(text) for text, one in zip(texts, seen, strict=True) if one):
-            found["image"], names[Moment.image] = np.array(texts, dtype=np.str_), name
+        if all(is_image_name(text) for text, is_seen in zip(texts, seen, strict=True) if is_seen):
+            when["image"], names[Moment.image] = np.array(texts, dtype=np.str_), name
             break
     if "frame" in columns and names.get(Moment.image) != "frame" and chosen.frames_by in (None, Moment.frame):
-        found["frame"], names[Moment.frame] = observed.numbers("frame", pl.Int64), "frame"
+        when["frame"], names[Moment.frame] = observed.numbers("frame", pl.Int64), "frame"
     times = sorted((name for name in columns if key(name) in TIMES), key=lambda name: [*TIMES].index(key(name)))
     if times and chosen.frames_by in (None, Moment.time):
-        beside = bool(found) and chosen.frames_by is None
-        found |= _times(observed, times[0], TIMES[key(times[0])] or chosen.time_unit, beside=beside)
+        beside = bool(when) and chosen.frames_by is None
+        when |= _times(observed, times[0], TIMES[key(times[0])] or chosen.time_unit, beside=beside)
         names[Moment.time] = times[0]
-    return found, names
+    return when, names
 
 
 def _times(observed: _Observed, name: str, unit: TimeUnit | None, *, beside: bool) -> dict[str, NDArray[Any]]:
@@ -391,15 +391,15 @@ def _times(observed: _Observed, name: str, unit: TimeUnit | None, *, beside: boo
         times[~np.isfinite(times)] = np.nan
     else:
         times = observed.numbers(name, pl.Float64)
-    whole = _whole(_stripped(observed.table[name]))
-    are_whole = not whole.null_count()
+    integers = _whole(_stripped(observed.table[name]))
+    are_whole = not integers.null_count()
     if unit is None and are_whole and np.abs(times).min() >= _TABLE_LEAST_NANOSECONDS:
         unit = TimeUnit.ns
     if unit in (None, TimeUnit.s) or not are_whole:
         return {"time_s": times / (unit or TimeUnit.s).per_second}
     factor = TimeUnit.ns.per_second // unit.per_second
     observed.refuse(factor * np.abs(times) > _MOST_NANOSECONDS, name, "a time before the year 2100")
-    return {"time_ns": factor * whole.to_numpy()}
+    return {"time_ns": factor * integers.to_numpy()}
 
 
 def _quality(observed: _Observed) -> dict[str, NDArray[np.float32]]:
@@ -456,9 +456,9 @@ def _read_csv(path: Path, size: int) -> _Table:
 def _require_text(path: Path) -> None:
     with path.open("rb") as file:
         start = file.read(4)
-    found = next((kind for signature, kind in _COMPRESSED.items() if start.startswith(signature)), None)
-    if found is not None:
-        raise DataError(path, f"a {found} file", f"a {path.suffix} file of tracks, not compressed")
+    compression = next((kind for signature, kind in _COMPRESSED.items() if start.startswith(signature)), None)
+    if compression is not None:
+        raise DataError(path, f"a {compression} file", f"a {path.suffix} file of tracks, not compressed")
 
 
 def _require_no_null(path: Path) -> None:
@@ -600,8 +600,8 @@ def read_tap(path: Path, chosen: Selection = PLAIN, *, n_frames: int | None) -> 
     track, frame = np.nonzero(evaluated)
     uv = tracks[track, frame]
     columns = {name: pl.Series(values[track, frame]) for name, values in _stated(path, arrays, stated).items()}
-    said = meant(path, columns, len(track), chosen, lambda row: f"{path}: point {track[row]}, frame {frame[row]}")
-    seen = said.mine if said.seen is None else said.mine & said.seen
+    meaning = meant(path, columns, len(track), chosen, lambda row: f"{path}: point {track[row]}, frame {frame[row]}")
+    seen = meaning.mine if meaning.seen is None else meaning.mine & meaning.seen
     bad = seen & ~np.isfinite(uv).all(axis=1)
     if bad.any():
         place = int(np.flatnonzero(bad)[0])
@@ -616,7 +616,7 @@ def read_tap(path: Path, chosen: Selection = PLAIN, *, n_frames: int | None) -> 
         frame=frame.astype(np.int64),
         seen=seen,
         states_all=True,
-        notes=unused_notes(path, (*said.unused, *unused)),
+        notes=unused_notes(path, (*meaning.unused, *unused)),
     )
 
 
@@ -624,11 +624,15 @@ def _read_tap(path: Path) -> tuple[dict[str, tuple[str, NDArray[Any]]], dict[str
     """Arrays by what they hold, arrays that may say where points are seen, and names of others."""
     with np.load(path, allow_pickle=False) as archive:
         present = {role: next((name for name in names if name in archive), None) for role, names in _NAMES.items()}
-        found = {role: (name, archive[name]) for role, name in present.items() if name is not None}
+        arrays = {role: (name, archive[name]) for role, name in present.items() if name is not None}
         stated = {name: _without_batch(archive[name], 2) for name in archive.files if has_meaning(name)}
-        known = {*stated, *_NOT_OF_POINTS, *(name for name, _ in found.values())}
-        unused = tuple(name for name in archive.files if name not in known)
-    return {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in found.items()}, stated, unused
+        used = {*stated, *_NOT_OF_POINTS, *(name for name, _ in arrays.values())}
+        unused = tuple(name for name in archive.files if name not in used)
+    return (
+        {role: (name, _without_batch(values, _AXES[role])) for role, (name, values) in arrays.items()},
+        stated,
+        unused,
+    )
 
 
 def _without_batch(values: NDArray[Any], axes: int) -> NDArray[Any]:
@@ -665,13 +669,13 @@ def _stated(path: Path, arrays: _Arrays, stated: Mapping[str, NDArray[Any]]) -> 
     """What arrays state of each point and frame, (points, frames) each."""
     if not stated:
         raise DataError(path, "no array occluded or visible", _TAP_EXPECTED)
-    of, positions = arrays["positions"]
+    positions_name, positions = arrays["positions"]
     expected = positions.shape[:2]
     for name, values in stated.items():
         if values.shape != expected or values.dtype.kind not in "buif":
             found = f"{name} of shape {values.shape} and type {values.dtype}"
             raise DataError(path, found, f"true or false, of shape {expected}")
-    return {name: values.T if of == _FRAMES_FIRST else values for name, values in stated.items()}
+    return {name: values.T if positions_name == _FRAMES_FIRST else values for name, values in stated.items()}
 
 
 def _query_frames(path: Path, name: str, queries: NDArray[Any], count: int) -> NDArray[np.float64]:
@@ -727,7 +731,7 @@ def _read_colmap(path: Path) -> tuple[_Keypoints, _Matches]:
             row[0]: row[1:] for row in database.execute("SELECT pair_id, rows, cols, data FROM two_view_geometries")
         }
         keypoints = [_keypoints(path, points.get(image)) for image in images]
-        counts = [len(one) for one in keypoints]
+        counts = [len(of_image) for of_image in keypoints]
         matches = [_between(path, pairs, images[k : k + 2], counts[k : k + 2]) for k in range(len(images) - 1)]
     return keypoints, matches
 
@@ -848,10 +852,10 @@ def detected(path: Path) -> TrackFormat:
         If the file is missing.
     """
     require_regular(path, "a file of tracks")
-    found = _BY_SUFFIX[path.suffix]
-    if found is TrackFormat.events and _is_table(path):
+    kind = _BY_SUFFIX[path.suffix]
+    if kind is TrackFormat.events and _is_table(path):
         return TrackFormat.table
-    return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else found
+    return TrackFormat.xivo if path.suffix in (".csv", ".txt") and _is_xivo(path) else kind
 
 
 def read_rows(path: Path, kind: TrackFormat, *, n_frames: int | None, chosen: Selection = PLAIN) -> Rows:

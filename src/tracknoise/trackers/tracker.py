@@ -83,8 +83,8 @@ def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> Non
         if not is_quality_name(name):
             raise TrackerError(f"a tracker reported quality {name!r}, expected a name of the form {QUALITY_NAME}")
         if values.shape != (count,) or values.dtype != np.float32:
-            found = f"{values.dtype} of shape {values.shape}"
-            raise TrackerError(f"a tracker reported quality {name!r} as {found}, expected float32 of shape ({count},)")
+            actual = f"{values.dtype} of shape {values.shape}"
+            raise TrackerError(f"a tracker reported quality {name!r} as {actual}, expected float32 of shape ({count},)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,17 +401,17 @@ def check_step(step: "Step", live_ids: NDArray[np.int64]) -> None:
         twice, began before, is unknown, is gone without having ended, or ends for no known reason, or if counts do not
         fit to each other or to the features that were alive.
     """
-    found = next(_mistakes(step, live_ids), None)
-    if found is not None:
-        raise TrackerError(f"a tracker reported {found}")
+    mistake = next(_mistakes(step, live_ids), None)
+    if mistake is not None:
+        raise TrackerError(f"a tracker reported {mistake}")
 
 
 def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     for name, kinds in _KINDS.items():
         values = getattr(step, name)
         if not isinstance(values, np.ndarray) or values.dtype.kind not in kinds:
-            found = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
-            yield f"{name} of type {found}, expected an array of {_NAMES[kinds]}"
+            actual = values.dtype if isinstance(values, np.ndarray) else type(values).__name__
+            yield f"{name} of type {actual}, expected an array of {_NAMES[kinds]}"
     n = len(step.ids)
     for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
         if getattr(step, name).shape != shape:
@@ -446,8 +446,8 @@ def _miscounted(step: "Step", live: int) -> Iterator[str]:
     if step.offered != live:
         yield f"{counted(step.offered, 'feature')} offered, expected {live}: all that were alive before"
     if not 0 <= step.outliers <= step.matched <= step.offered:
-        found = f"{counted(step.outliers, 'outlier')} and {step.matched} matched of {counted(step.offered, 'feature')}"
-        yield f"{found}, expected no more outliers than matched, and no more of these than were offered"
+        counts = f"{counted(step.outliers, 'outlier')} and {step.matched} matched of {counted(step.offered, 'feature')}"
+        yield f"{counts}, expected no more outliers than matched, and no more of these than were offered"
 
 
 def _repeated(ids: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -80,7 +80,7 @@ def is_preset(name: str) -> bool:
 def descriptions() -> tuple[dict[str, str], dict[str, str]]:
     """What each tracker does, and each preset, by name: see `Plugins.descriptions`."""
     presets = {name: load_preset(name) for name in filter(is_preset, preset_names())}
-    described = {name: f"preset of {one.system}: {one.description}" for name, one in presets.items()}
+    described = {name: f"preset of {preset.system}: {preset.description}" for name, preset in presets.items()}
     return TRACKERS.descriptions(), described
 
 
@@ -149,6 +149,6 @@ def load_preset(name: str) -> TrackerPreset:
 def _merged(options: Mapping[str, object], others: Mapping[str, object]) -> dict[str, object]:
     merged = dict(options)
     for name, value in others.items():
-        known = merged.get(name)
-        merged[name] = _merged(known, value) if isinstance(known, Mapping) and isinstance(value, Mapping) else value
+        present = merged.get(name)
+        merged[name] = _merged(present, value) if isinstance(present, Mapping) and isinstance(value, Mapping) else value
     return merged

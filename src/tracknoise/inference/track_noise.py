@@ -93,7 +93,7 @@ COMPONENTS = (
     NoiseComponent("drift", "D", "drift", 2, False, _drift),
 )
 """In the order of their factors in sums and fits."""
-NAMES = tuple(one.name for one in COMPONENTS)
+NAMES = tuple(component.name for component in COMPONENTS)
 
 
 def shares(one: Seen, other: Seen, reference: Reference = Reference.BIRTH) -> list[Array]:

@@ -86,7 +86,9 @@ def _kernel(equations: Floats, dimensions: int) -> tuple[Floats, NDArray[np.bool
     return transposed[:, -dimensions:].reshape(-1, dimensions, 3, 3), np.asarray(usable, dtype=np.bool_)
 
 
-_MONOMIALS: list[tuple[int, ...]] = sorted(combinations_with_replacement(range(4), 3), key=lambda one: one.count(3))
+_MONOMIALS: list[tuple[int, ...]] = sorted(
+    combinations_with_replacement(range(4), 3), key=lambda monomial: monomial.count(3)
+)
 """Of degree 3 in x, y, z and 1, as factors 0 to 3: those of degree 3 in x, y and z, then the others down to 1."""
 _PLACES = np.array([_MONOMIALS.index(tuple(sorted(factors))) for factors in product(range(4), repeat=3)])
 _TURN = np.zeros((3, 3, 3))

@@ -194,7 +194,7 @@ def test_next_to_a_depth_edge_there_is_no_depth_as_with_a_depth_map():
 
 def test_a_recording_without_depth_has_errors_and_a_sigma_to_set(recorded):
     """As with depth, and unlike where points are fitted to the tracks."""
-    settings = tracknoise.LucasKanade(min_features=150, max_features=200)
+    settings = tracknoise.LucasKanade(min_features=300, max_features=400)
     by_depth = tracknoise.measure(recorded, settings)
     without = tracknoise.measure(still(recorded), settings)
     assert without.truth == "swept"

@@ -8,24 +8,17 @@ import polars as pl
 import pytest
 from tests.topics.short import long_in_findings
 
-from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
 from tracknoise.analysis.factors import DEPENDENCE
 from tracknoise.analysis.gaussianity import GAUSSIANITY
-from tracknoise.analysis.places_found import SURROUNDING_ERRORS
-from tracknoise.analysis.ratio_intervals import RATIO_VALUES
-from tracknoise.analysis.seed_spread import SEED_SPREAD
 from tracknoise.analysis.time_structure import TIME_STRUCTURE
 from tracknoise.analysis.truth_shares import TRACKER_DIFFERENCES, TRIANGULATED_NOISE
 from tracknoise.analysis.zero_mean import ZERO_MEAN
-from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS
-from tracknoise.estimators.lookup_table import NOISE_LOOKUP
-from tracknoise.estimators.run_models import ADVICE
-from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import AUDIT_CURVES, CURVES, EFFECTS, FINDINGS, FLOOR, INTERVALS, SUMMARY, TRUST
+from tracknoise.tables.findings_schema import AUDIT_CURVES, CURVES, FINDINGS, FLOOR, INTERVALS, SUMMARY, TRUST
 from tracknoise.tables.schema import Schema, check, empty
+from tracknoise.topics.catalogue import RUN_TABLES
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.headlines import findings_json, headline_table
 from tracknoise.truth_faults.pose_accuracy import POSE_SHARE
@@ -40,30 +33,6 @@ CONDITION = {
     "speed": 1,
 }
 SCOPE = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
-SCHEMAS: Mapping[str, Schema] = {
-    "triangulated_noise": TRIANGULATED_NOISE,
-    "curves": CURVES,
-    "audit_curves": AUDIT_CURVES,
-    "floor": FLOOR,
-    "summary": SUMMARY,
-    "effects": EFFECTS,
-    "intervals": INTERVALS,
-    "seed_spread": SEED_SPREAD,
-    "zero_mean": ZERO_MEAN,
-    "gaussianity": GAUSSIANITY,
-    "time_structure": TIME_STRUCTURE,
-    "dependence": DEPENDENCE,
-    "surrounding_errors": SURROUNDING_ERRORS,
-    "pose_share": POSE_SHARE,
-    "tracker_differences": TRACKER_DIFFERENCES,
-    "advice": ADVICE,
-    "window_sigmas": WINDOW_SIGMAS,
-    "noise_lookup": NOISE_LOOKUP,
-    "depth_intervals": DEPTH_INTERVALS,
-    "ratios": RATIO_VALUES,
-    "own_covariances": OWN_COVARIANCES,
-    "trust": TRUST,
-}
 
 
 def table(schema: Schema, *rows: Mapping[str, Any]) -> pl.DataFrame:
@@ -89,7 +58,7 @@ POINT |= {"axis": "age", "at": 10, "coordinate": "u", "unit": "px^2"}
 def read(scope: ReportedConditions = SCOPE, **tables: pl.DataFrame) -> dict[str, dict[str, Any]]:
     """Headlines by topic; tables that are not given are empty, but for the summary, and the truth is trusted."""
     given = {"summary": table(SUMMARY, SUMMED), "trust": trust("trusted", "No fault was found."), **tables}
-    found = headline_table({name: given.get(name, empty(schema)) for name, schema in SCHEMAS.items()}, scope)
+    found = headline_table({name: given.get(name, empty(schema)) for name, schema in RUN_TABLES.items()}, scope)
     check(found, FINDINGS, "findings")
     assert found["rank"].to_list() == list(range(1, found.height + 1))
     assert long_in_findings(found.to_dicts(), scope.trackers) == []
@@ -750,7 +719,7 @@ def test_the_order_of_rows_changes_nothing() -> None:
 def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
     import json
 
-    tables = {**{name: empty(schema) for name, schema in SCHEMAS.items()}, **factor_rows("yes")}
+    tables = {**{name: empty(schema) for name, schema in RUN_TABLES.items()}, **factor_rows("yes")}
     tables["dependence"] = tables["dependence"].with_columns(horizon=pl.lit(float("inf")))
     tables["zero_mean"] = table(ZERO_MEAN, OVERALL, AT_TEN)
     tables["trust"] = trust("trusted", "No fault was found.")

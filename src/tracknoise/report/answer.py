@@ -6,6 +6,7 @@ from typing import Any
 
 from tracknoise.estimators.exports import estimator
 from tracknoise.report import small_plots
+from tracknoise.report.contents import TRUTH_TITLE
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.trust import TruthVerdict
@@ -132,4 +133,6 @@ def run_html(data: ReportData) -> str:
     """
     summary = summarise(data)
     scales = small_plots.scales(summary.cards)
-    return template("notebook.html.j2").render(summary=summary, scales=scales, interval_plot=small_plots)
+    return template("notebook.html.j2").render(
+        summary=summary, scales=scales, interval_plot=small_plots, truth_title=TRUTH_TITLE
+    )

@@ -124,6 +124,8 @@ def accuracy_title(*, compared: bool) -> str:
     return "Which is better" if compared else "How accurate it is"
 
 
+TRUTH_TITLE = "Can the truth be trusted"
+"""Heading of what is said of the truth."""
 _ACCURACY = "error-by-tracker"
 _MOST_FIGURES = 2
 _EXAMPLES = "example-frames-"
@@ -133,7 +135,7 @@ OPENINGS: Mapping[str, Opening] = {
     "lifetimes": Opening("How long tracks live", ("lifetimes", "outlier-ratio")),
     "time-structure": Opening("How errors grow, and how heavy their tails are", ("time-structure", "gaussianity")),
     "error-by-place": Opening("Where errors are", ("image-map-", "surroundings-")),
-    "truth": Opening("Can the truth be trusted", ("pose-errors", "audit-")),
+    "truth": Opening(TRUTH_TITLE, ("pose-errors", "audit-")),
     "explorer": Opening("Look closer", (_EXAMPLES,)),
 }
 """Sections that are open, by id. All else is under "Everything measured"."""

@@ -25,7 +25,7 @@ from tracknoise.report import (
 from tracknoise.report.annotated_frame import annotated_frame
 from tracknoise.report.answer import conclusions, summarise
 from tracknoise.report.cells import Cells
-from tracknoise.report.contents import CONTENTS, Layout, Section, accuracy_title, contents_json, layout
+from tracknoise.report.contents import CONTENTS, TRUTH_TITLE, Layout, Section, accuracy_title, contents_json, layout
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
@@ -155,6 +155,7 @@ def _page(
         frame=annotated_frame(data) if shown is None else None,
         layout=arranged,
         accuracy_title=accuracy_title(compared=len(answered.cards) > 1),
+        truth_title=TRUTH_TITLE,
         family_of=family_of,
         anchors=_anchors(arranged, family_of),
         families=families,

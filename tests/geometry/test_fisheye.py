@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tracknoise.geometry.cameras import (
-    COEFFICIENTS,
+    LENSES,
     CameraModel,
     DoubleSphereCamera,
     EquidistantCamera,
@@ -146,7 +146,7 @@ def test_without_their_parameter_these_models_are_pinholes(camera):
 @CAMERAS
 def test_a_camera_is_made_again_from_its_name_and_numbers(camera):
     model, coefficients = model_of(camera), coefficients_of(camera)
-    assert model in COEFFICIENTS
+    assert model in LENSES
     optics = (camera.fx, camera.fy, camera.cx, camera.cy)
     assert make_camera(model, (camera.width, camera.height), optics, coefficients) == camera
     with pytest.raises(ValueError, match="distortion is"):

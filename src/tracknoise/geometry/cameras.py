@@ -30,11 +30,11 @@ A point at the radius r of the plane at depth 1 is seen at the radius atan(2 r t
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
-from typing import Protocol, Self, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -727,34 +727,55 @@ class FovCamera(Intrinsics):
 
 KnownCamera = Camera | EquidistantCamera | DoubleSphereCamera | OmniCamera | EucmCamera | FovCamera
 
-COEFFICIENTS = MappingProxyType(
+
+@dataclass(frozen=True, slots=True)
+class Lens:
+    """A camera model: its class, and what its coefficients are."""
+
+    camera: type[KnownCamera]
+    numbers: tuple[str, ...] = ()  # fields of the class, which come first
+    counts: tuple[int, ...] = ()  # how many numbers the field `distortion` can have; none where there is no such field
+    names: str = ""  # of these
+
+    @property
+    def all_counts(self) -> tuple[int, ...]:
+        """How many coefficients there can be."""
+        return tuple(len(self.numbers) + count for count in self.counts or (0,))
+
+    @property
+    def words(self) -> str:
+        """What its coefficients are, such as ``2 numbers (xi, alpha)``."""
+        return described(self.all_counts, ", ".join(filter(None, (*self.numbers, self.names))))
+
+
+def described(counts: Sequence[int], names: str) -> str:
+    """Of some numbers with names, how many there can be."""
+    if not any(counts):
+        return "no numbers"
+    *rest, last = map(str, counts)
+    of = f"{', '.join(rest)} or {last}" if rest else last
+    return f"{of} {'number' if counts == (1,) else 'numbers'} ({names})"
+
+
+LENSES = MappingProxyType(
     {
-        "pinhole": "no numbers",
-        "radtan": "0, 4, 5 or 8 numbers (k1, k2, p1, p2, k3, k4, k5, k6)",
-        "equidistant": "4 numbers (k1, k2, k3, k4)",
-        "double_sphere": "2 numbers (xi, alpha)",
-        "omni": "1 or 5 numbers (xi, k1, k2, p1, p2)",
-        "eucm": "2 numbers (alpha, beta)",
-        "fov": "1 number (omega)",
+        "pinhole": Lens(Camera, counts=(0,)),
+        "radtan": Lens(Camera, counts=DISTORTION_COUNTS, names="k1, k2, p1, p2, k3, k4, k5, k6"),
+        "equidistant": Lens(EquidistantCamera, counts=(_COEFFICIENTS,), names="k1, k2, k3, k4"),
+        "double_sphere": Lens(DoubleSphereCamera, ("xi", "alpha")),
+        "omni": Lens(OmniCamera, ("xi",), _OMNI_COUNTS, "k1, k2, p1, p2"),
+        "eucm": Lens(EucmCamera, ("alpha", "beta")),
+        "fov": Lens(FovCamera, ("omega",)),
     }
 )
-"""What the coefficients of each model are, by name of the model."""
-
-_COUNTS = {
-    "pinhole": (0,),
-    "radtan": DISTORTION_COUNTS,
-    "equidistant": (4,),
-    "double_sphere": (2,),
-    "omni": (1, 5),
-    "eucm": (2,),
-    "fov": (1,),
-}
+"""Camera models by name."""
+_NAMES: Mapping[type[KnownCamera], str] = {lens.camera: name for name, lens in LENSES.items()}
 
 
 def make_camera(
     model: str, size: tuple[int, int], intrinsics: Sequence[float], coefficients: tuple[float, ...]
 ) -> KnownCamera:
-    """Make a camera of a model in `COEFFICIENTS`.
+    """Make a camera of a model in `LENSES`.
 
     Parameters
     ----------
@@ -772,48 +793,24 @@ def make_camera(
     ValueError
         If the model does not have so many coefficients, or a value is impossible; the message begins with the field.
     """
-    if len(coefficients) not in _COUNTS[model]:
-        raise ValueError(f"distortion is {[*coefficients]}, expected {COEFFICIENTS[model]} for the model {model}")
+    lens = LENSES[model]
+    if len(coefficients) not in lens.all_counts:
+        raise ValueError(f"distortion is {[*coefficients]}, expected {lens.words} for the model {model}")
+    numbers, distortion = coefficients[: len(lens.numbers)], coefficients[len(lens.numbers) :]
+    fields: dict[str, Any] = dict(zip(lens.numbers, numbers, strict=True))
+    if lens.counts:
+        fields["distortion"] = distortion
     fx, fy, cx, cy = intrinsics
-    optics = (*size, fx, fy, cx, cy)
-    match model, coefficients:
-        case "double_sphere", (xi, alpha):
-            return DoubleSphereCamera(*optics, xi, alpha)
-        case "equidistant", (k1, k2, k3, k4):
-            return EquidistantCamera(*optics, (k1, k2, k3, k4))
-        case "omni", (xi, *distortion):
-            return OmniCamera(*optics, xi, tuple(distortion))
-        case "eucm", (alpha, beta):
-            return EucmCamera(*optics, alpha, beta)
-        case "fov", (omega,):
-            return FovCamera(*optics, omega)
-    return Camera(*optics, coefficients)
+    return lens.camera(*size, fx, fy, cx, cy, **fields)
 
 
 def model_of(camera: KnownCamera) -> str:
-    """Name of a camera's model in `COEFFICIENTS`; ``radtan`` for a pinhole camera, whose distortion is none."""
-    return _MODELS[type(camera)]
-
-
-_MODELS = {
-    Camera: "radtan",
-    EquidistantCamera: "equidistant",
-    DoubleSphereCamera: "double_sphere",
-    OmniCamera: "omni",
-    EucmCamera: "eucm",
-    FovCamera: "fov",
-}
+    """Name of a camera's model in `LENSES`; ``radtan`` for a pinhole camera, whose distortion is none."""
+    return _NAMES[type(camera)]
 
 
 def coefficients_of(camera: KnownCamera) -> tuple[float, ...]:
     """Coefficients of a camera's lens, as `make_camera` takes them."""
-    match camera:
-        case DoubleSphereCamera():
-            return camera.xi, camera.alpha
-        case OmniCamera():
-            return camera.xi, *camera.distortion
-        case EucmCamera():
-            return camera.alpha, camera.beta
-        case FovCamera():
-            return (camera.omega,)
-    return camera.distortion
+    lens = LENSES[model_of(camera)]
+    distortion: tuple[float, ...] = getattr(camera, "distortion", ())
+    return (*(getattr(camera, name) for name in lens.numbers), *distortion)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError, first_line
 from tracknoise.foreign_files import Element, damage_reported, read_json_object, read_text, read_xml
-from tracknoise.geometry.cameras import COEFFICIENTS, DISTORTION_COUNTS, CameraModel, KnownCamera, make_camera
+from tracknoise.geometry.cameras import LENSES, CameraModel, KnownCamera, described, make_camera
 from tracknoise.geometry.pose import invert
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.entries import Entries
@@ -119,7 +119,7 @@ _MOST_RADTAN = 8
 
 
 def lens_at(entries: Entries, name: str) -> str:
-    """Model of the lens that a key names, as `tracknoise.geometry.cameras.COEFFICIENTS` has it."""
+    """Model of the lens that a key names, as `tracknoise.geometry.cameras.LENSES` has it."""
     model = _NAMES.get(entries.text(name))
     if model is None:
         raise entries.error(name, f"one of {', '.join(filter(None, _NAMES))}")
@@ -129,7 +129,7 @@ def lens_at(entries: Entries, name: str) -> str:
 def coefficients_at(entries: Entries, name: str | None, model: str) -> tuple[float, ...]:
     """Coefficients of the lens; none where there is no key, or where all of radial-tangential distortion are 0."""
     coefficients = () if name is None else entries.numbers(name)
-    if model in ("equidistant", "fov"):
+    if model != "radtan":
         return coefficients
     if any(coefficients[_MOST_RADTAN:]):
         found = f"{name} with coefficients of thin prisms or a tilted sensor"
@@ -262,7 +262,7 @@ REQUIRED = ("width", "height", "fx", "fy", "cx", "cy")
 """Keys that every such file has."""
 
 _UNIT, _SCALE = "depth_unit_m", "depth_scale"
-_OWN = {"double_sphere": ("xi", "alpha"), "omni": ("xi",), "eucm": ("alpha", "beta"), "fov": ("omega",)}
+_OWN = {name: lens.numbers for name, lens in LENSES.items() if lens.numbers}
 """Numbers of a model that have keys of their own."""
 _OWN_KEYS = tuple(dict.fromkeys(key for keys in _OWN.values() for key in keys))
 _OPTIONAL = ("model", "distortion", *_OWN_KEYS, _UNIT, _SCALE, READOUT, "source")
@@ -307,8 +307,8 @@ def _camera(entries: Entries) -> KnownCamera:
 def _plain_model(entries: Entries) -> str:
     model = entries.text("model") if entries.name("model") else "radtan"
     model = _KALIBR.get(model, model)
-    if model not in COEFFICIENTS:
-        raise entries.error("model", f"one of {', '.join(COEFFICIENTS)}")
+    if model not in LENSES:
+        raise entries.error("model", f"one of {', '.join(LENSES)}")
     return model
 
 
@@ -322,20 +322,12 @@ def _coefficients(entries: Entries, model: str) -> tuple[float, ...]:
     return (*(entries.number(key) for key in own_keys), *_distortion(entries, model))
 
 
-_DISTORTIONS = {
-    "radtan": (DISTORTION_COUNTS, COEFFICIENTS["radtan"]),
-    "equidistant": ((4,), COEFFICIENTS["equidistant"]),
-    "omni": ((0, 4), "0 or 4 numbers (k1, k2, p1, p2)"),
-}
-"""How many numbers the key ``distortion`` has, and what they are, for models that have it."""
-
-
 def _distortion(entries: Entries, model: str) -> tuple[float, ...]:
-    listed = entries.values.get("distortion", [])
-    counts, expected = _DISTORTIONS.get(model, ((0,), "no numbers"))
+    listed, lens = entries.values.get("distortion", []), LENSES[model]
+    counts = lens.counts or (0,)
     if not isinstance(listed, list) or len(listed) not in counts:
         shown = entries if "distortion" in entries.values else Entries(entries.place, {"distortion": []})
-        raise shown.error("distortion", f"a list of {expected}")
+        raise shown.error("distortion", f"a list of {described(counts, lens.names)}")
     return entries.numbers("distortion") if listed else ()
 
 

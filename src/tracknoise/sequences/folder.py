@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from tracknoise.checks import NotNegative, Positive, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_folder, is_there, natural_order
-from tracknoise.geometry.cameras import COEFFICIENTS, CameraModel, KnownCamera, model_of
+from tracknoise.geometry.cameras import LENSES, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
@@ -267,7 +267,7 @@ def _camera_entries(sequence: Sequence) -> dict[str, Any]:
     camera = only_camera(sequence)
     if not isinstance(camera, KnownCamera):
         raise DataError(
-            sequence.source, f"a camera of the model {type(camera).__name__}", f"one of {', '.join(COEFFICIENTS)}"
+            sequence.source, f"a camera of the model {type(camera).__name__}", f"one of {', '.join(LENSES)}"
         )
     model = model_of(camera)
     return ({} if model == _DEFAULT_MODEL else {"model": model}) | asdict(camera) | _readout(sequence)

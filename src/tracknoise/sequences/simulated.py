@@ -16,7 +16,7 @@ from tracknoise.checks import NotNegative, require, require_bounds, require_fini
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.foreign_files import is_regular_file
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
-from tracknoise.geometry.cameras import COEFFICIENTS, KnownCamera, make_camera
+from tracknoise.geometry.cameras import LENSES, KnownCamera, make_camera
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.faults import NO_FAULTS, Faults, with_faults
@@ -242,7 +242,7 @@ class Simulated:
     hfov_deg
         Horizontal field of view through the principal point, degrees.
     lens
-        Model of the lens: a name in `tracknoise.geometry.cameras.COEFFICIENTS`. Each ray of the image is that of the
+        Model of the lens: a name in `tracknoise.geometry.cameras.LENSES`. Each ray of the image is that of the
         model; pixels without a ray are black.
     distortion
         Coefficients of the lens, as the model has them; for double_sphere, xi and alpha.
@@ -328,8 +328,8 @@ class Simulated:
         return {effect.name: effect.imaging for effect in self.effects} or dict.fromkeys(self.lightings, self.imaging)
 
     def _require_lens(self) -> None:
-        if self.lens not in COEFFICIENTS:
-            raise UnknownNameError("lens", self.lens, COEFFICIENTS)
+        if self.lens not in LENSES:
+            raise UnknownNameError("lens", self.lens, LENSES)
         require(all(map(math.isfinite, self.distortion)), "distortion", [*self.distortion], "finite numbers")
         expected = "a lens that shows the ray at half of hfov_deg"
         require(math.isfinite(self._edge()), "distortion", [*self.distortion], expected)

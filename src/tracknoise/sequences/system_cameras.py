@@ -26,7 +26,7 @@ class StatedCamera:
     """What a file says about one camera."""
 
     place: str | Path
-    model: str  # as `tracknoise.geometry.cameras.COEFFICIENTS` has it
+    model: str  # as `tracknoise.geometry.cameras.LENSES` has it
     size: Size
     intrinsics: Sequence[float]  # fx, fy, cx, cy, px
     coefficients: tuple[float, ...]

@@ -9,9 +9,10 @@ pass at true poses:
 
 with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
 track. For one observation of a feature in the state .95 takes the place of .80, because a feature is lost with it; its
-gate is at most 1. Nothing is added for errors of predicted poses: a filter claims a hundredth of the variance of
-innovations of tracks for them, and a tenth of that of features in its state. With a third for features, its NEES was
-1.4 [1.04, 1.8] times as large with Lucas-Kanade, and positions were no better (`python -m benchmarks.filter_trial`).
+gate is at most 1. A filter claims a hundredth of the variance of innovations of tracks for errors of predicted poses,
+and a tenth of that of features in its state. Nothing is added for them, but no gate is smaller than this share, which
+would lose what has no noise. With a third added for features, the NEES was 1.4 [1.04, 1.8] times as large with
+Lucas-Kanade, and positions were no better (`python -m benchmarks.filter_trial`).
 Tracks that pass have smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
 (`tracknoise.estimators.pose_trials`).
 
@@ -149,6 +150,8 @@ class Gate(StrEnum):
 
 SHORTEST_WINDOW = 2
 """Frames."""
+CLAIMED: Mapping[Gate, float] = {Gate.TRACK: 0.01, Gate.OBSERVATION: 0.1}
+"""Share of the variance of innovations that a filter claims for errors of predicted poses: the least gates."""
 GOOD = 0.8
 """Share of good tracks that a gate lets through."""
 UNTRIED_KNEES: Mapping[LossKind, float] = {LossKind.CAUCHY: 1.0, LossKind.HUBER: 1.345}
@@ -325,19 +328,20 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
 def track_gate(good: float, window: int) -> float:
     """Factor on a chi-square gate of tracks at .95, by (advice.gate), from that of good tracks at true poses."""
     freedom = 2 * window - 3
-    return good * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom)
+    return max(good * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom), CLAIMED[Gate.TRACK])
 
 
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
     """Factor on a chi-square gate of one observation at a level, which that share of good observations passes.
 
-    Good observations are no outliers of the model. They are at true poses, as in (advice.gate).
+    Good observations are no outliers of the model. They are at true poses, as in (advice.gate). It is no less than what
+    a filter claims for errors of predicted poses.
     """
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
     if math.isfinite(tails.nu):
         square = tails.core_ratio**2 * tails.nu * ((1.0 - good) ** (-2.0 / tails.nu) - 1.0)  # of Student's distribution
         noise *= square / chi_square(level, 2)
-    return noise
+    return max(noise, CLAIMED[Gate.OBSERVATION])
 
 
 def chi_square(level: float, freedom: int) -> float:

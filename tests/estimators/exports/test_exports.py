@@ -115,9 +115,14 @@ def test_openvins():
         "up_msckf_sigma_px": rounded(sigma()),
         "up_msckf_chi2_multipler": rounded(track),
         "up_slam_sigma_px": rounded(slam),
-        "up_slam_chi2_multipler": rounded(min(1.0, square / chi2.ppf(0.95, 2))),
+        "up_slam_chi2_multipler": rounded(0.1),
     }
     assert track < 0.25
+    assert square / chi2.ppf(0.95, 2) < 0.1  # a filter claims as much for errors of predicted poses
+    without_outliers = values("openvins", "openvins_noise.yaml", model=lucas_kanade(outlier_share=0.0))
+    square *= f.ppf(0.95, 2, 4.0) / f.ppf(0.95 * 0.99, 2, 4.0)
+    assert square / chi2.ppf(0.95, 2) > 0.1
+    assert without_outliers["up_slam_chi2_multipler"] == rounded(square / chi2.ppf(0.95, 2))
 
 
 def test_gates_are_those_of_good_tracks_at_true_poses():

@@ -30,7 +30,6 @@ from tracknoise.tables.schema import WINDOW_NOISE, empty
 
 Array = NDArray[np.float64]
 AGES, LEAST_POINTS = 10, 30
-POSE_SHARE = 1.0 / 3.0
 EACH, DENSE = 4, 300
 """Poses of each scene, and its tracks."""
 
@@ -71,7 +70,7 @@ def gated_nees(own: Scene, nu: float, sigma: float, factor: float, random: np.ra
     information, gradient = np.zeros((size, size)), np.zeros(size)
     for track, at, left, span in parts:
         error = own.drawn(track, random, nu)[at].ravel()
-        seen = np.sqrt(1.0 - POSE_SHARE) * error / sigma + np.sqrt(POSE_SHARE) * random.standard_normal(len(error))
+        seen = error / sigma
         squares = np.square(seen - span @ (span.T @ seen)).sum()
         if squares <= factor * chi2.ppf(0.95, len(error) - 3):
             information += left.T @ left

@@ -3,14 +3,16 @@
 **Sigma and gates of a filter.** A filter whose covariance is used needs the sigma that makes the newest pose right. It
 is larger than residuals, so that a chi-square gate at its shipped size lets all pass. The tails of good tracks would
 widen a gate that all but a few of them pass, and let bad ones in. So the gate is the one that four of five good tracks
-pass, if errors of the predicted poses make up the share p of the claimed variance of innovations, as claimed:
+pass at true poses:
 
-    gate = (p + (1 - p) g_.80) q_k(.80) / q_k(.95),  p = 1/3    (advice.gate)
+    gate = g_.80 q_k(.80) / q_k(.95)    (advice.gate)
 
 with the gate g_.80 of good tracks at true poses, and quantiles q of chi square with the k degrees of freedom of a
-track. It is at least a third of q_k(.80) / q_k(.95), .26 for windows of 11 frames. For one observation of a feature in
-the state .95 takes the place of .80, because a feature is lost with it; its gate is at most 1. Tracks that pass have
-smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
+track. For one observation of a feature in the state .95 takes the place of .80, because a feature is lost with it; its
+gate is at most 1. Nothing is added for errors of predicted poses: a filter claims a hundredth of the variance of
+innovations of tracks for them, and a tenth of that of features in its state. With a third for features, its NEES was
+1.4 [1.1, 1.7] times as large with Lucas-Kanade, and positions were no better (`python -m benchmarks.filter_trial`).
+Tracks that pass have smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
 (`tracknoise.estimators.pose_trials`).
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
@@ -147,8 +149,6 @@ class Gate(StrEnum):
 
 SHORTEST_WINDOW = 2
 """Frames."""
-POSE_SHARE = 1.0 / 3.0
-"""Share of the claimed variance of innovations that errors of predicted poses are taken to have, p of (advice.gate)."""
 GOOD = 0.8
 """Share of good tracks that a gate lets through."""
 UNTRIED_KNEES: Mapping[LossKind, float] = {LossKind.CAUCHY: 1.0, LossKind.HUBER: 1.345}
@@ -325,20 +325,19 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
 def track_gate(good: float, window: int) -> float:
     """Factor on a chi-square gate of tracks at .95, by (advice.gate), from that of good tracks at true poses."""
     freedom = 2 * window - 3
-    allowed = POSE_SHARE + (1.0 - POSE_SHARE) * good
-    return allowed * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom)
+    return good * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom)
 
 
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
     """Factor on a chi-square gate of one observation at a level, which that share of good observations passes.
 
-    Good observations are no outliers of the model. Predicted poses are allowed for as in (advice.gate).
+    Good observations are no outliers of the model. They are at true poses, as in (advice.gate).
     """
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
     if math.isfinite(tails.nu):
         square = tails.core_ratio**2 * tails.nu * ((1.0 - good) ** (-2.0 / tails.nu) - 1.0)  # of Student's distribution
         noise *= square / chi_square(level, 2)
-    return POSE_SHARE + (1.0 - POSE_SHARE) * noise
+    return noise
 
 
 def chi_square(level: float, freedom: int) -> float:

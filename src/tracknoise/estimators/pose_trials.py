@@ -3,8 +3,8 @@
 **The gate.** A gate that passes four of five good tracks keeps those with small errors. The others then claim too much
 uncertainty: with Gaussian noise in each frame, the NEES is .87 where sigma is right for all tracks. How much that is
 with the tracks of a run is tried on drawn windows (`tracknoise.estimators.kernels`). A track passes by its innovations
-at predicted poses, whose errors make up the share of the claimed variance that (advice.gate) allows for. Sigma stays as
-it is, because the errors of a filter are larger than these: it linearises, and predicts with an inertial sensor.
+at true poses, as in (advice.gate). Sigma stays as it is, because the errors of a filter are larger than these: it
+linearises, and predicts with an inertial sensor.
 
 **Known points.** In one frame, errors of different points are independent. With many of them, a pose under a robust
 loss with weights w(r) of residuals r px has the NEES (loss.nees) over sigma^2. So sigma is the root of the mean of
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators import losses
-from tracknoise.estimators.advice import LEVEL, POSE_SHARE, chi_square, rms_about_first, track_gate, usual_knee
+from tracknoise.estimators.advice import LEVEL, chi_square, rms_about_first, track_gate, usual_knee
 from tracknoise.estimators.kernels import NEWEST, DrawnWindow, normalised, weighted_step
 from tracknoise.estimators.linear_window import without
 from tracknoise.estimators.model import Equivalent, Interval, KnownPoints, LossKind, Tails, TriedGate
@@ -51,9 +51,9 @@ def tried_gate(
     """
     if len(drawn) < _LEAST_WINDOWS or newest.sigma.value <= 0.0 or newest.gate_80 is None:
         return None
-    factor, random = track_gate(newest.gate_80, newest.window), np.random.default_rng(0)
+    factor = track_gate(newest.gate_80, newest.window)
     rows = [
-        {"dataset": dataset, "scene": one.scene, "windows": 1.0, **_gated(one, newest.sigma.value, factor, random)}
+        {"dataset": dataset, "scene": one.scene, "windows": 1.0, **_gated(one, newest.sigma.value, factor)}
         for one in drawn
     ]
     known = pl.DataFrame(rows).filter(pl.col("gated").is_finite())
@@ -64,14 +64,12 @@ def tried_gate(
     return TriedGate(nees=nees, passed=passed, window=newest.window, windows=known.height)
 
 
-def _gated(one: DrawnWindow, sigma: float, factor: float, random: np.random.Generator) -> dict[str, float]:
+def _gated(one: DrawnWindow, sigma: float, factor: float) -> dict[str, float]:
     """NEES of the newest pose from tracks that pass, NaN where they do not determine it, and from all; share passed."""
     errors, passed = [own[None] for own in one.errors], []
     for tracks, own in zip(one.tracks, one.errors, strict=True):
         span, freedom = np.linalg.qr(tracks.by_point)[0], own.shape[1] - losses.OF_POINT
-        predicted = random.standard_normal(own.shape)
-        seen = math.sqrt(1.0 - POSE_SHARE) * own / sigma + math.sqrt(POSE_SHARE) * predicted
-        squares = np.square(without(seen[:, :, None], span)).sum(axis=(1, 2))
+        squares = np.square(without(own[:, :, None] / sigma, span)).sum(axis=(1, 2))
         passed.append(squares <= factor * chi_square(LEVEL, freedom))
     found = {"passed": float(np.concatenate(passed).mean())}
     every = [np.ones(len(own), dtype=np.bool_) for own in passed]

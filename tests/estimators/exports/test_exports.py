@@ -110,32 +110,32 @@ def without_comment(settings):
 def test_openvins():
     slam = sigma(window=30)
     square = 0.49 * 2.0 * f.ppf(0.95 * 0.99, 2, 4.0) * 0.15**2 / slam**2  # Student's, of good observations
-    track = (1 / 3 + 2 / 3 * 1.1 * 0.25) * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
+    track = 1.1 * 0.25 * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
     assert values("openvins", "openvins_noise.yaml") == {
         "up_msckf_sigma_px": rounded(sigma()),
         "up_msckf_chi2_multipler": rounded(track),
         "up_slam_sigma_px": rounded(slam),
-        "up_slam_chi2_multipler": rounded(min(1.0, 1 / 3 + 2 / 3 * square / chi2.ppf(0.95, 2))),
+        "up_slam_chi2_multipler": rounded(min(1.0, square / chi2.ppf(0.95, 2))),
     }
-    assert track < 0.5
+    assert track < 0.25
 
 
-def test_gates_are_those_of_good_tracks_with_an_allowance_for_poses():
+def test_gates_are_those_of_good_tracks_at_true_poses():
     gaussian = values("openvins", "openvins_noise.yaml", model=detections())
-    gate = (1 / 3 + 2 / 3 * 1.1) * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
+    gate = 1.1 * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
     assert gaussian["up_msckf_chi2_multipler"] == rounded(gate)
     assert gaussian["up_slam_chi2_multipler"] == rounded(1.0)
     earlier = tuple(replace(one, gate_80=None) for one in lucas_kanade().equivalents)  # files that have no such gate
     found = values("openvins", "openvins_noise.yaml", model=lucas_kanade(equivalents=earlier))
-    expected = (1 / 3 + 2 / 3 * 1.2 * 0.25) * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
+    expected = 1.2 * 0.25 * chi2.ppf(0.8, 19) / chi2.ppf(0.95, 19)
     assert found["up_msckf_chi2_multipler"] == rounded(expected)
 
 
-def test_four_of_five_good_tracks_pass_where_poses_make_up_a_third():
-    """Innovations of tracks of 19 degrees of freedom whose variance is a third pose and two thirds noise."""
+def test_four_of_five_good_tracks_pass_at_true_poses():
+    """Innovations of tracks of 19 degrees of freedom."""
     good = tuple(replace(one, gate_80=0.25) for one in lucas_kanade().equivalents)  # noise of half the sigma
     gate = advised("openvins", lucas_kanade(equivalents=good)).gates[Gate.TRACK]
-    innovations = (1 / 3 + 2 / 3 * 0.25) * np.random.default_rng(0).chisquare(19, 20_000)
+    innovations = 0.25 * np.random.default_rng(0).chisquare(19, 20_000)
     assert (innovations <= gate * chi2.ppf(0.95, 19)).mean() == pytest.approx(0.8, abs=0.02)
 
 

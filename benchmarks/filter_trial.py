@@ -36,7 +36,7 @@ from scipy import stats
 from benchmarks.filter_arms import ARMS, SET, Arms
 from benchmarks.filter_tracks import CLONES, whole_tracks
 from benchmarks.inertial_problem import FRAME_RATE_HZ, InertialProblem, planted_problem, with_readings
-from benchmarks.msckf import PLAIN, Assumed, GateRule, Innovations, run_filter
+from benchmarks.msckf import MOST_FEATURES, PLAIN, Assumed, GateRule, Innovations, run_filter
 from benchmarks.noise.arms import PlantedNoise
 from benchmarks.noise.windows import recorded_camera
 from tracknoise.estimators.linear_window import (
@@ -258,6 +258,9 @@ def of_runs(runs: Sequence[Path], tracker: str, *, models: Path, plan: Plan) -> 
         f"control: {CONTROL_PX:g} px planted, gate {gate:g}": Assumed(tracks=CONTROL_PX, gate=GateRule(gate))
         for gate in (1.0, 0.5)
     }
+    control[f"control: {CONTROL_PX:g} px planted, features"] = Assumed(
+        tracks=CONTROL_PX, features=CONTROL_PX, most_features=MOST_FEATURES
+    )
     for number, run in enumerate(runs):
         for place, sequence in enumerate(tracked_sequences(run, tracker)):
             scene = f"{run.name} {sequence.scene}"

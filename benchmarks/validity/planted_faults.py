@@ -50,7 +50,7 @@ POPULATIONS = "statistics/prepared.py"
 LIFETIMES, OUTLIERS = "statistics/lifetimes.py", "statistics/track_counts.py"
 SURVIVAL = "inference/survival.py"
 JACKKNIFE, GROUPS, FLIPS = "inference/jackknife.py", "inference/units.py", "inference/sign_flips.py"
-DEPENDENCE, ANCHORED, SCAN = "analysis/factors.py", "truth/anchored.py", "truth/scan.py"
+PAIRED, ANCHORED, SCAN = "analysis/paired_tests.py", "truth/anchored.py", "truth/scan.py"
 WIDTH = "width = special.stdtrit(freedom, (1 + level) / 2) * np.sqrt(variance)"
 
 FAULTS = (
@@ -94,7 +94,10 @@ FAULTS = (
         ),
     ),
     fault("occluded counted as visible", (POPULATIONS, 'VISIBLE = ("valid",)', 'VISIBLE = ("valid", "occluded")')),
-    fault("occlusion never noticed", (VISIBILITY, "occluded = known & (behind_m >", "occluded = known & (-1e9 >")),
+    fault(
+        "occlusion never noticed",
+        (VISIBILITY, "occluded = has_surface & (behind_m >", "occluded = has_surface & (-1e9 >"),
+    ),
     fault(
         "ages off by one",
         (
@@ -144,7 +147,7 @@ FAULTS = (
     ),
     fault(
         "margin of verdicts ignored",
-        (DEPENDENCE, "float(np.log1p(options.margin))", "0.0"),
+        (PAIRED, "return float(np.log1p(margin))", "return 0.0"),
     ),
     fault(
         "poses of reversed frames not reversed",

@@ -322,7 +322,7 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
         good = plain.gate_95 if plain.gate_80 is None else plain.gate_80
         return track_gate(good * (plain.sigma.value / sigma) ** 2, plain.window)
     innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
-    return min(observation_gate(model, innovations.value, sigma, LEVEL), 1.0)
+    return min(max(observation_gate(model, innovations.value, sigma, LEVEL), CLAIMED[gate]), 1.0)
 
 
 def track_gate(good: float, window: int) -> float:
@@ -334,14 +334,13 @@ def track_gate(good: float, window: int) -> float:
 def observation_gate(model: ExportedModel, innovations: float, sigma: float, level: float) -> float:
     """Factor on a chi-square gate of one observation at a level, which that share of good observations passes.
 
-    Good observations are no outliers of the model. They are at true poses, as in (advice.gate). It is no less than what
-    a filter claims for errors of predicted poses.
+    Good observations are no outliers of the model. They are at true poses, as in (advice.gate).
     """
     noise, tails, good = (innovations / sigma) ** 2, model.tails, level * (1.0 - model.outlier_share)
     if math.isfinite(tails.nu):
         square = tails.core_ratio**2 * tails.nu * ((1.0 - good) ** (-2.0 / tails.nu) - 1.0)  # of Student's distribution
         noise *= square / chi_square(level, 2)
-    return max(noise, CLAIMED[Gate.OBSERVATION])
+    return noise
 
 
 def chi_square(level: float, freedom: int) -> float:

@@ -79,13 +79,13 @@ def _of_run(terminal: Terminal, run: Path, out: list[Path] | None, others: list[
         raise SettingsError(f"{run}: found a run with {others[0]}, expected the option with a recording alone")
     files = files_by_ending(out, [_DOCUMENT])
     require_outputs([("--out", path) for path in files.values()], inputs=[run], are_reports=True)
-    found = read_audit(run)
+    audit = read_audit(run)
     if as_json:
-        print_json(terminal, audit_json(found))
-    write_files({path: lambda: audit_json(found) for path in files.values()}, terminal.say)
+        print_json(terminal, audit_json(audit))
+    write_files({path: lambda: audit_json(audit) for path in files.values()}, terminal.say)
     if not as_json:
-        print_audit(terminal, found)
-    return 0 if found.verdict.is_usable else UNUSABLE
+        print_audit(terminal, audit)
+    return 0 if audit.verdict.is_usable else UNUSABLE
 
 
 def _of_recording(
@@ -134,8 +134,8 @@ def _trajectories(opened: "Recording", template: Path, *, most: int) -> dict[Pat
     except ValueError as error:
         raise SettingsError(f"--out {template}: {error}") from error
     if len(files) < len(names):
-        found = f"one file for {len(names)} sequences"
-        raise SettingsError(f"--out {template}: {found}, expected {{scene}} or {{lighting}} in its name")
+        given = f"one file for {len(names)} sequences"
+        raise SettingsError(f"--out {template}: {given}, expected {{scene}} or {{lighting}} in its name")
     return files
 
 
@@ -147,10 +147,10 @@ def _write_trajectory(terminal: Terminal, opened: "Recording", name: "SequenceId
     from tracknoise.truth_faults.check_poses import refined_trajectory
 
     terminal.say(f"{readable(name.key)}: refining the poses of all frames")
-    found, notes = refined_trajectory(opened.view(opened.reader.open(name)))
+    trajectory, notes = refined_trajectory(opened.view(opened.reader.open(name)))
     for note in notes:
         terminal.warn(f"{readable(name.key)}: {note}")
-    write_atomically(path, trajectory_text(found, f"refined poses of {readable(name.key)}").encode())
+    write_atomically(path, trajectory_text(trajectory, f"refined poses of {readable(name.key)}").encode())
     terminal.say(f"written: {path.resolve()}")
 
 

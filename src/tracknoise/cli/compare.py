@@ -63,38 +63,38 @@ def compare(
     files = files_by_ending(out, makers)
     require_outputs([("--out", path) for path in files.values()], inputs=[*runs, gate], are_reports=True)
     tolerances = None if gate is None else read_gate(gate)
-    found = compare_runs(*runs, trackers=trackers, gate=tolerances)
-    _print_notes(context.obj, found)
+    comparison = compare_runs(*runs, trackers=trackers, gate=tolerances)
+    _print_notes(context.obj, comparison)
     if as_json:
-        print_json(context.obj, comparison_json(found))
+        print_json(context.obj, comparison_json(comparison))
     else:
-        _print(context.obj, found)
+        _print(context.obj, comparison)
     write_files(
-        {path: partial(makers[ending], found) for ending, path in files.items()},
+        {path: partial(makers[ending], comparison) for ending, path in files.items()},
         context.obj.say if as_json else context.obj.result,
     )
-    return 0 if found.gate is None else STATUS[found.gate.outcome]
+    return 0 if comparison.gate is None else STATUS[comparison.gate.outcome]
 
 
-def _print_notes(terminal: Terminal, found: "Comparison") -> None:
-    for doubt in found.doubts:
+def _print_notes(terminal: Terminal, comparison: "Comparison") -> None:
+    for doubt in comparison.doubts:
         terminal.warn(doubt)
-    for side in found.others:
+    for side in comparison.others:
         for note in side.notes:
             terminal.warn(f"{side.name}: {note}")
 
 
-def _print(terminal: Terminal, found: "Comparison") -> None:
+def _print(terminal: Terminal, comparison: "Comparison") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report.comparison_page import answers, by_run, clearest, gate_cells, gate_sentences, verdict_cells
 
-    for side, rows in zip(found.others, by_run(found).values(), strict=True):
-        for cells in verdict_cells(found, side.name, rows):
+    for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True):
+        for cells in verdict_cells(comparison, side.name, rows):
             show(terminal.result, cells)
             terminal.result("")
         for sentence in [*answers(rows), *clearest(rows)]:
             terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
         terminal.result("")
-    if found.gate is not None:
-        show(terminal.result, gate_cells(found.gate))
-        terminal.result("\n".join(["", *gate_sentences(found.gate)]))
+    if comparison.gate is not None:
+        show(terminal.result, gate_cells(comparison.gate))
+        terminal.result("\n".join(["", *gate_sentences(comparison.gate)]))

@@ -86,18 +86,18 @@ def _rows(recording: Recording, failures: list[str]) -> Iterator[tuple[str, ...]
 
     for item in recording.reader.sequences():
         try:
-            found = overview(recording.view(recording.reader.open(item)))
+            shown = overview(recording.view(recording.reader.open(item)))
         except DataError as error:
             failures.append(str(error))
             yield (readable(item.key), *("-" for _ in _HEADINGS[1:]))
             continue
         yield (
             readable(item.key),
-            str(found.n_frames),
-            str(found.n_poses),
-            f"{found.width_px}x{found.height_px}",
-            "-" if found.rate_hz is None else f"{significant(found.rate_hz, 4)} Hz",
-            "none" if found.depth_share is None else f"{found.depth_share:.0%} of pixels",
+            str(shown.n_frames),
+            str(shown.n_poses),
+            f"{shown.width_px}x{shown.height_px}",
+            "-" if shown.rate_hz is None else f"{significant(shown.rate_hz, 4)} Hz",
+            "none" if shown.depth_share is None else f"{shown.depth_share:.0%} of pixels",
         )
 
 

@@ -94,9 +94,9 @@ def export(
     form = _form(to, tracks)
     require_outputs([("--model", model)], inputs=[source, tracks])
     target = _target(focal, rate, window, reasons)
-    found = _sources(context.obj, source, form, model, tracker, speed, accepted=UNTRUSTED in reasons, force=force)
-    for one in found:
-        _write(context.obj, one, form, target, tracks, out, accepted=UNTRUSTED in reasons, force=force)
+    sources = _sources(context.obj, source, form, model, tracker, speed, accepted=UNTRUSTED in reasons, force=force)
+    for item in sources:
+        _write(context.obj, item, form, target, tracks, out, accepted=UNTRUSTED in reasons, force=force)
     return 0
 
 
@@ -123,10 +123,10 @@ def _reasons(allow: Sequence[str] | None) -> frozenset[str]:
     from tracknoise.estimators.exports import FocalChange, RateChange
     from tracknoise.exceptions import UnknownNameError
 
-    known = [*map(str, FocalChange), *map(str, RateChange), UNTRUSTED]
+    accepted = [*map(str, FocalChange), *map(str, RateChange), UNTRUSTED]
     for reason in allow or ():
-        if reason not in known:
-            raise UnknownNameError("value of --allow", reason, known)
+        if reason not in accepted:
+            raise UnknownNameError("value of --allow", reason, accepted)
     return frozenset(allow or ())
 
 
@@ -140,8 +140,8 @@ def _target(focal: float | None, rate: float | None, window: int | None, reasons
     return Target(
         focal_px=focal,
         rate_hz=rate,
-        focal_change=next((one for one in FocalChange if one in reasons), None),
-        rate_change=next((one for one in RateChange if one in reasons), None),
+        focal_change=next((change for change in FocalChange if change in reasons), None),
+        rate_change=next((change for change in RateChange if change in reasons), None),
         window=window,
     )
 
@@ -170,11 +170,11 @@ def _sources(
     if len(wanted) > 1 and (form != _TEXT or kept_in is not None):
         names = ", ".join(name for name, _ in wanted)
         raise SettingsError(f"{source}: found noise of {names}, expected --tracker with one of them")
-    found = _models(terminal, source, wanted, accepted=accepted)
+    models = _models(terminal, source, wanted, accepted=accepted)
     if kept_in is not None:
-        _keep(terminal, found[0].model, kept_in, force=force)
-        return [_Source(found[0].model, kept_in.name, source)]
-    return found
+        _keep(terminal, models[0].model, kept_in, force=force)
+        return [_Source(models[0].model, kept_in.name, source)]
+    return models
 
 
 def _conditions(run: Path, tracker: str | None, speed: int | None) -> list[tuple[str, int]]:
@@ -182,11 +182,11 @@ def _conditions(run: Path, tracker: str | None, speed: int | None) -> list[tuple
     from tracknoise.estimators.training import chosen_conditions
     from tracknoise.tables.store import RunFolder
 
-    known = chosen_conditions(
+    conditions = chosen_conditions(
         RunFolder(run), trackers=None if tracker is None else [tracker], speeds=None if speed is None else [speed]
     )
-    lowest = min(played for _, played in known)
-    return [(name, played) for name, played in known if played == lowest]
+    lowest = min(played for _, played in conditions)
+    return [(name, played) for name, played in conditions if played == lowest]
 
 
 def _models(terminal: Terminal, run: Path, wanted: Sequence[tuple[str, int]], *, accepted: bool) -> list[_Source]:
@@ -199,7 +199,7 @@ def _models(terminal: Terminal, run: Path, wanted: Sequence[tuple[str, int]], *,
 
     require_truth(TruthVerdict.of_run(RunFolder(run)), str(run), accepted=accepted)
     kept = run_models(RunFolder(run))
-    found, failed = list[_Source](), list[SettingsError]()
+    models, failed = list[_Source](), list[SettingsError]()
     for label, played in wanted:
         own = kept.models.get(label) if played == kept.speed else None
         if own is None:
@@ -211,10 +211,10 @@ def _models(terminal: Terminal, run: Path, wanted: Sequence[tuple[str, int]], *,
             if len(wanted) > 1:
                 terminal.warn(f"{label} at speed {played} has no model: {error}")
             continue
-        found.append(_Source(model, f"{label}@{played}.noise.json", run))
-    if not found:
+        models.append(_Source(model, f"{label}@{played}.noise.json", run))
+    if not models:
         raise failed[-1]
-    return found
+    return models
 
 
 def _why_anew(kept: "RunModels", speed: int) -> str:
@@ -311,10 +311,10 @@ def _exported(source: _Source, to: str, target: "Target", tracks: Path | None) -
     return rendered(source.model, to, target=target, source=source.name, observations=observations)
 
 
-def _files(to: str, found: "Export") -> dict[str, str]:
+def _files(to: str, exported: "Export") -> dict[str, str]:
     """Everything by the name of its file: the files of the estimator, a patch if there is one, and the text."""
-    patch = {} if found.patch is None else {f"{to}.patch": found.patch}
-    return {**found.files, **patch, f"{to}.txt": found.text}
+    patch = {} if exported.patch is None else {f"{to}.patch": exported.patch}
+    return {**exported.files, **patch, f"{to}.txt": exported.text}
 
 
 def _require_same_model(path: Path, model: "NoiseModel", *, force: bool) -> None:

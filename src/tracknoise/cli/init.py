@@ -115,8 +115,8 @@ def _with_poses(opened: "Recording", file: Path, say: Callable[[str], None], *, 
         why = error
     scenes = reader.recordings()
     if len(scenes) > 1:
-        found = f"{len(scenes)} recordings without poses, such as {scenes[0].scene}"
-        raise DataError(str(opened.path), found, "the folder of one, or --trajectory FILE")
+        without = f"{len(scenes)} recordings without poses, such as {scenes[0].scene}"
+        raise DataError(str(opened.path), without, "the folder of one, or --trajectory FILE")
     images = reader.open_images(scenes[0])
     poses_file = file.with_name(f"{file.stem}-poses.txt")
     if poses_file.exists() and not force:
@@ -152,5 +152,5 @@ def _about_poses(opened: "Recording") -> list[str]:
         return []
     first = opened.reader.open(opened.reader.sequences()[0])
     assert isinstance(first, OtherPoses), "its poses are those of the trajectory"
-    known = int(has_pose(first.world_from_camera).sum())
-    return [f"poses of {known} of {len(first)} frames are from {first.name}: {'; '.join(first.pose_notes)}"]
+    posed = int(has_pose(first.world_from_camera).sum())
+    return [f"poses of {posed} of {len(first)} frames are from {first.name}: {'; '.join(first.pose_notes)}"]

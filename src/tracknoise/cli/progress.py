@@ -189,10 +189,10 @@ class RunProgress:
     def frame(self, key: str, done: int, total: int, first: int) -> None:
         """Show the progress within the sequences that are being measured."""
         self._of_frames.advance(key, done, total, first)
-        name, found = escape(printable(self._of_frames.name)), self._of_frames
+        name, bar = escape(printable(self._of_frames.name)), self._of_frames
         if self._frames is None:
             self._frames = self._bars.add_task(name, total=total, pace="")
-        self._bars.update(self._frames, description=name, completed=found.done, total=found.total, pace=str(found))
+        self._bars.update(self._frames, description=name, completed=bar.done, total=bar.total, pace=str(bar))
 
     def measured(self, key: str, entry: "SequenceEntry") -> None:
         """Print that a sequence is done, the notes of its reader, and why its data look wrong."""
@@ -233,9 +233,9 @@ class RunProgress:
         of_all = f"{self._done} of {counted(self._total, 'sequence')} done after {_duration(elapsed_s)}"
         if self._done == self._total:
             return f"{of_all}; {_COMPUTED}"
-        found = self._of_frames
-        at = f"{printable(found.name)} at frame {found.done} of {found.total}" if found.total else ""
-        return "; ".join(filter(None, [of_all, str(self._pace), at, str(found)]))
+        bar = self._of_frames
+        at = f"{printable(bar.name)} at frame {bar.done} of {bar.total}" if bar.total else ""
+        return "; ".join(filter(None, [of_all, str(self._pace), at, str(bar)]))
 
 
 @contextmanager

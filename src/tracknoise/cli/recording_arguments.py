@@ -107,7 +107,7 @@ def open_recording(
     of = PosesOf(str(trajectory_of))
     if camera is not None:
         if not _is_of_reader(name, _CAMERA_FILE):
-            with_file = [one for one in READERS.names() if _is_of_reader(one, _CAMERA_FILE)]
+            with_file = [kind for kind in READERS.names() if _is_of_reader(kind, _CAMERA_FILE)]
             raise SettingsError(f"--camera: the reader {name} takes none, expected one of {', '.join(with_file)}")
         given[_CAMERA_FILE] = str(camera)
     reader = make_reader(name, path, given)

@@ -68,11 +68,11 @@ def replicate(
 
     require_no_links(out)
     context.obj.resumes(fresh=fresh)
-    found = candidates(data or [])
-    for candidate in found:
+    offered = candidates(data or [])
+    for candidate in offered:
         context.obj.say(f"{candidate.preset}: {candidate.found}")
     runs = _Runs(context.obj, out, processes(workers), fresh=fresh)
-    replicated = [_repeat(candidate, runs, Limits(scenes, parse_frames(frames), models)) for candidate in found]
+    replicated = [_repeat(candidate, runs, Limits(scenes, parse_frames(frames), models)) for candidate in offered]
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")
         return 1
@@ -191,7 +191,7 @@ def _print_claims(terminal: Terminal, replicated: "list[Replicated]") -> None:
 
     stated, of_tables = judged_claims(replicated), judged_cells(replicated)
     for item in replicated:
-        judged = [one for one in (*stated, *of_tables) if one.claim.experiment == item.experiment]
+        judged = [verdict for verdict in (*stated, *of_tables) if verdict.claim.experiment == item.experiment]
         if item.run:
             show(terminal.result, verdicts(judged, f"{paper.title(item.experiment)}: {_CAPTION}"))
     terminal.result(best_reading(stated))

@@ -69,8 +69,8 @@ def sentences_to_set(data: ReportData) -> list[str]:
 
 
 def _of_tracker(data: ReportData, tracker: str) -> str:
-    if found := sentences_of(sigma_sentence(data, tracker)):
-        return f"{tracker}: {found[0][0].lower()}{found[0][1:]}"
+    if sentences := sentences_of(sigma_sentence(data, tracker)):
+        return f"{tracker}: {sentences[0][0].lower()}{sentences[0][1:]}"
     subject = Subject(data, tracker)
     measure = size_measure(subject)
     if measure is None:
@@ -85,12 +85,19 @@ def _better(data: ReportData) -> str:
 
 def _trust(data: ReportData) -> list[str]:
     """Whether the truth is trusted and what would help, what that changes in a check, and that scenes are copies."""
-    found = TruthVerdict.of(data["trust"])
-    why, step = sentences_of(found.text)[:1], sentences_of(found.step)[:1]
-    verdict = joined([found.opening, *why, *(f"Next: {one}" for one in step)])
+    verdict_of_truth = TruthVerdict.of(data["trust"])
+    why, step = sentences_of(verdict_of_truth.text)[:1], sentences_of(verdict_of_truth.step)[:1]
+    verdict = joined([verdict_of_truth.opening, *why, *(f"Next: {text}" for text in step)])
     change = joined(sentences_of(truth_change(data.run, data["trust"]) or "")[:1])
     lost = without_truth(data).strip() if depth_is_from_images(data) else ""
-    return [verdict, found.poses, found.stated, lost, change, *data["findings"].filter(topic="copies")["brief"]]
+    return [
+        verdict,
+        verdict_of_truth.poses,
+        verdict_of_truth.stated,
+        lost,
+        change,
+        *data["findings"].filter(topic="copies")["brief"],
+    ]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:
@@ -117,5 +124,11 @@ def most_important(data: ReportData, most: int) -> list[str]:
 def _shown(data: ReportData) -> list[str]:
     """What cards say that was shown to be so."""
     cards = summarise(data).cards
-    found = [(name, one) for name in _CLAIMS for card in cards for one in card.measures if one.name == name]
-    return [one.sentence for _, one in found if one.answer is not None and one.answer.verdict == Verdict.yes]
+    measures = [
+        (name, measure) for name in _CLAIMS for card in cards for measure in card.measures if measure.name == name
+    ]
+    return [
+        measure.sentence
+        for _, measure in measures
+        if measure.answer is not None and measure.answer.verdict == Verdict.yes
+    ]

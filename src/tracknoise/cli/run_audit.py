@@ -77,7 +77,7 @@ def audit_json(audit: Audit) -> str:
 def print_audit(terminal: Terminal, audit: Audit) -> None:
     """Print the verdict, what to add to the experiment file, and the numbers behind it."""
     texts = filter(None, [audit.verdict.sentence, audit.verdict.stated])
-    terminal.result("\n".join([*(textwrap.fill(one, WIDTH) for one in texts), ""]))
+    terminal.result("\n".join([*(textwrap.fill(text, WIDTH) for text in texts), ""]))
     for sentence in audit_sentences(audit.found, every=True):
         terminal.result(textwrap.fill(sentence, WIDTH))
     if audit.corrections:

@@ -248,8 +248,8 @@ def _sizes(data: ReportData) -> list[str]:
 
 def _more_accurate(data: ReportData) -> list[str]:
     """The sentence that says which tracker is more accurate."""
-    found = accuracy(data)
-    return ["\n".join(wrapped(found))] if found else []
+    sentence = accuracy(data)
+    return ["\n".join(wrapped(sentence))] if sentence else []
 
 
 def _for_estimators(data: ReportData) -> list[str]:

@@ -133,11 +133,11 @@ class _PlainHelp:
 
     def get_params(self, ctx: Any) -> list[Any]:
         """All parameters, with the option for help."""
-        found: list[Any] = super().get_params(ctx)  # type: ignore[misc]
-        for parameter in found:
+        parameters: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for parameter in parameters:
             shown = None if parameter.param_type_name == "argument" else parameter.metavar
             parameter.display_type_rich = partial(_shown, shown or "")
-        return found
+        return parameters
 
 
 def _shown(value: str, ctx: Any) -> str:
@@ -190,7 +190,7 @@ def _refuse_file(word: str) -> None:
     raise SettingsError(f"{_JSON} {word}: {_JSON} prints to standard output, expected {_JSON} > {word}")
 
 
-def files_by_ending(paths: Sequence[Path] | None, known: Iterable[str]) -> dict[str, Path]:
+def files_by_ending(paths: Sequence[Path] | None, makers: Iterable[str]) -> dict[str, Path]:
     """The files of ``--out``, each by the ending of its name, which decides what is written.
 
     Raises
@@ -198,16 +198,16 @@ def files_by_ending(paths: Sequence[Path] | None, known: Iterable[str]) -> dict[
     SettingsError
         If a name has another ending, or two have the same.
     """
-    endings, found = tuple(known), dict[str, Path]()
+    endings, by_ending = tuple(makers), dict[str, Path]()
     for path in paths or ():
         ending = path.suffix.lower()
         if ending not in endings:
             kinds = f"{', '.join(endings[:-1])} or {endings[-1]}" if len(endings) > 1 else endings[0]
             raise SettingsError(f"--out {path}: found a name that ends in {ending!r}, expected {kinds}")
-        if ending in found:
+        if ending in by_ending:
             raise SettingsError(f"--out {path}: found a second {ending} file, expected one of each kind")
-        found[ending] = path
-    return found
+        by_ending[ending] = path
+    return by_ending
 
 
 def write_files(files: Mapping[Path, Callable[[], str]], say: Callable[[str], None]) -> None:

@@ -86,7 +86,7 @@ def simulate(
         written = _write_stages(context.obj, out, scenes or 1, options)
     else:
         named = {"motions": None if motion is None else [motion], "worlds": scenes, "frames": frames}
-        options = {**_MOVING[layout], **options, **{name: one for name, one in named.items() if one is not None}}
+        options = {**_MOVING[layout], **options, **{name: value for name, value in named.items() if value is not None}}
         written = _write_sequences(context.obj, layout, out, options)
     context.obj.result(f"wrote {written} to {out}")
     return 0

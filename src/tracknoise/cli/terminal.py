@@ -59,8 +59,8 @@ class Terminal:
             from rich.console import Console
             from rich.text import Text
 
-            before, found, after = shown.partition(coloured)
-            Console(highlight=False).print(Text.assemble(before, (found, colour), after), soft_wrap=True)
+            before, middle, after = shown.partition(coloured)
+            Console(highlight=False).print(Text.assemble(before, (middle, colour), after), soft_wrap=True)
         else:
             write_result(f"{shown}\n")
 

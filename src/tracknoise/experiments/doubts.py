@@ -65,8 +65,11 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
         *_of_poses(measurement.sequence),
         *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0])),
     ]
-    found = _split(items)
-    return Doubts((*found.mistakes, *_of_errors(slowest), *_of_depths(measurement)), found.cautions)
+    mistakes_and_cautions = _split(items)
+    return Doubts(
+        (*mistakes_and_cautions.mistakes, *_of_errors(slowest), *_of_depths(measurement)),
+        mistakes_and_cautions.cautions,
+    )
 
 
 def _split(items: Items[Item]) -> Doubts:
@@ -84,8 +87,8 @@ def depth_edges(measurement: "Measurement") -> float:
 
 def _of_poses(sequence: Sequence) -> list[Item]:
     """Topics that need times, poses and intrinsics alone."""
-    found = [timestamps(sequence), pose_jumps(sequence), intrinsics(sequence), repeated_frames(sequence)]
-    return [item for item in found if item is not None]
+    items = [timestamps(sequence), pose_jumps(sequence), intrinsics(sequence), repeated_frames(sequence)]
+    return [item for item in items if item is not None]
 
 
 def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> Doubts:
@@ -99,7 +102,7 @@ def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> D
     items = _of_poses(sequence)
     of_poses = [item.text for item in items if item.severity is Severity.fatal]
     cautions = [item.text for item in items if item.severity is Severity.caveat]
-    wrong = [(frames, found.mistakes) for frames, found in parts if found.mistakes]
+    wrong = [(frames, of_part.mistakes) for frames, of_part in parts if of_part.mistakes]
     reported = [f"Frames {frames[0]} to {frames[-1]}: {texts[0]}" for frames, texts in wrong]
     if reported and 2 * len(wrong) >= len(parts):
         return Doubts((*of_poses, reported[0]), tuple(cautions))
@@ -155,9 +158,9 @@ def _pair(group: pl.DataFrame, depths_m: Mapping[int, float]) -> Pair:
 def _of_errors(observed: pl.DataFrame) -> Iterator[str]:
     """What the errors and statuses of young tracks say."""
     young = observed.filter(pl.col("age").is_between(1, _YOUNG_FRAMES * int(observed["speed"][0])))
-    known = young.filter(pl.col("truth").is_in(_KNOWN))
-    if known.height >= FEWEST_POINTS:
-        share = known.filter(pl.col("truth") != "valid").height / known.height
+    with_truth = young.filter(pl.col("truth").is_in(_KNOWN))
+    if with_truth.height >= FEWEST_POINTS:
+        share = with_truth.filter(pl.col("truth") != "valid").height / with_truth.height
         if share > _HIDDEN_SHARE:
             yield (
                 f"{share:.0%} of true positions are occluded or out of the image right after features were found. "

@@ -52,9 +52,9 @@ def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, f
     (sequence,) = open_batch([task])
     images = [sequence.image(index) for index in range(min(len(sequence), MOST_FRAMES))]
     kinds = {choice.label: choice.kind for choice in experiment.trackers}
-    timed = {name: one for name, one in make_trackers(experiment).items() if kinds[name] not in _WITHOUT_COSTS}
+    timed = {name: item for name, item in make_trackers(experiment).items() if kinds[name] not in _WITHOUT_COSTS}
     setups = [TrackerSetup(name, settings, speed=1) for name, settings in timed.items()]
-    return {one.tracker: _cost_ms(one, sequence, images, experiment.seed) for one in setups}
+    return {item.tracker: _cost_ms(item, sequence, images, experiment.seed) for item in setups}
 
 
 def _cost_ms(setup: TrackerSetup, sequence: Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:

@@ -72,10 +72,10 @@ def audit_samples(sequence: Sequence, prepared: PreparedSequence, truth: str) ->
     upright = sequence.id.rotation == 0 and sequence.id.direction == Direction.forward
     if not upright or truth == TRIANGULATED:
         return empty(AUDIT_SAMPLES)
-    found = audited_observations(prepared)
+    samples = audited_observations(prepared)
     if prepared.key_frame is not None:
-        found = _anchored_at(found, sequence, prepared.observations, prepared.key_frame)
-    table = found.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
+        samples = _anchored_at(samples, sequence, prepared.observations, prepared.key_frame)
+    table = samples.select(pl.col(name).cast(kind) for name, kind in AUDIT_SAMPLES.items())
     return check(table, AUDIT_SAMPLES, "audit_samples")
 
 
@@ -83,18 +83,18 @@ def depth_repeats_table(sequence: Sequence, prepared: PreparedSequence) -> pl.Da
     """Table `DEPTH_REPEATS` of a sequence, by the features of all trackers."""
     births = births_with_depth(prepared)
     uv, depth_m = births.select("u_birth_px", "v_birth_px").to_numpy(), births["depth_m"].to_numpy()
-    found = depth_repeats(sequence, births["birth_frame"].to_numpy().astype(np.intp), uv, depth_m)
-    labels = {column: [getattr(sequence.id, column)] * len(found.depth_m) for column in SEQUENCE}
-    columns = {**labels, "depth_m": found.depth_m, "relative_sd": found.relative}
+    repeats = depth_repeats(sequence, births["birth_frame"].to_numpy().astype(np.intp), uv, depth_m)
+    labels = {column: [getattr(sequence.id, column)] * len(repeats.depth_m) for column in SEQUENCE}
+    columns = {**labels, "depth_m": repeats.depth_m, "relative_sd": repeats.relative}
     return pl.DataFrame(columns, schema=dict(DEPTH_REPEATS))
 
 
-def _anchored_at(found: pl.DataFrame, sequence: Sequence, observations: pl.DataFrame, key_frame: int) -> pl.DataFrame:
+def _anchored_at(samples: pl.DataFrame, sequence: Sequence, observations: pl.DataFrame, key_frame: int) -> pl.DataFrame:
     """Observations of tracks that were found in the key frame, with its number, and their position and depth there."""
     key = ["tracker", "speed", "track"]
     there = observations.filter(pl.col("frame") == key_frame)
     at_key = there.select(*key, u_key_px="u_true_px", v_key_px="v_true_px").drop_nulls()
-    joined = found.join(at_key, on=key, how="inner", maintain_order="left")
+    joined = samples.join(at_key, on=key, how="inner", maintain_order="left")
     births = joined["birth_frame"].to_numpy().astype(np.intp)
     depth = _depth_in(sequence, key_frame, births, joined.select(_SIGHT).to_numpy())
     renamed = joined.with_columns(

@@ -176,17 +176,17 @@ class InputCheck:
     def _difference(self, task: Task, table: pl.DataFrame) -> str | None:
         """What a sequence reads now beside what is recorded, or how many more frames it has; None if nothing."""
         try:
-            with recording([task], self.run) as found:
-                open_batch([task], change=found.recorded)
+            with recording([task], self.run) as reads:
+                open_batch([task], change=reads.recorded)
         except TracknoiseError as error:
             return str(error)
         root = _root(task)
-        known = {_path_of(row, root) for row in table.iter_rows(named=True) if row["kind"] == InputKind.file}
-        added = sorted(found.opened.files.keys() - known)
+        recorded = {_path_of(row, root) for row in table.iter_rows(named=True) if row["kind"] == InputKind.file}
+        added = sorted(reads.opened.files.keys() - recorded)
         if added:
             return f"{added[0]} was added{_further(len(added) - 1)}"
         before = table.filter(pl.col("kind") == InputKind.frames)["size"].item()
-        frames = found.frames.get(_as_recorded(task), 0)
+        frames = reads.frames.get(_as_recorded(task), 0)
         return None if frames == before else f"it has {counted(frames, 'frame')}, not {before}"
 
     def _sources_of(self, task: Task) -> list[tuple[Path, str]]:
@@ -197,11 +197,11 @@ class InputCheck:
 
     def _unchanged_since(self, path: Path, row: dict[str, Any]) -> int | None:
         """When a file was last modified, nanoseconds, if it has the recorded content; None if not."""
-        found = stat_of(path)
-        if found is None or found[0] != row["size"]:
+        status = stat_of(path)
+        if status is None or status[0] != row["size"]:
             return None
-        is_same = found[1] == row["mtime_ns"] and not row["always"] and not (self.verify and row["content"])
-        return found[1] if is_same or self._content(path) == row["content"] else None
+        is_same = status[1] == row["mtime_ns"] and not row["always"] and not (self.verify and row["content"])
+        return status[1] if is_same or self._content(path) == row["content"] else None
 
     def _content(self, path: Path) -> str | None:
         """Hash of a file, which is read once however many sequences depend on it."""
@@ -228,9 +228,9 @@ class _Counts:
             return True
         if path.suffix in _CODE or path.parent.suffix in _PACKAGED:
             return False
-        if any(path.is_relative_to(one) for one in (self.root, *self.named) if one is not None):
+        if any(path.is_relative_to(place) for place in (self.root, *self.named) if place is not None):
             return True
-        return not any(path.is_relative_to(one) for one in _not_data())
+        return not any(path.is_relative_to(place) for place in _not_data())
 
 
 @cache
@@ -246,8 +246,8 @@ def _reads_unseen(sequence: Sequence, opened: Opened) -> bool:
     """Whether the image or the depth of a frame comes from no file that can be noted."""
     for read in (sequence.image, sequence.depth):
         with noting(opened.counts) as again:
-            found = read(0)
-        if found is not None and not again.files:
+            content = read(0)
+        if content is not None and not again.files:
             return True
     return False
 
@@ -300,13 +300,13 @@ def _plugins(experiment: Experiment) -> Iterator[tuple[Plugins[Any], str]]:
 
 def _sources(experiment: Experiment) -> list[tuple[Path, str]]:
     """Source files of plug-ins: path from the folder of the package, and hash."""
-    found = {
+    sources = {
         path.relative_to(folder): content or ""
         for plugins, name in _plugins(experiment)
         for folder, hashes in plugins.sources(name).items()
         for path, content in hashes.items()
     }
-    return sorted(found.items())
+    return sorted(sources.items())
 
 
 def _file_row(path: Path, state: FileState | None, root: Path | None, *, always: bool) -> tuple[Any, ...]:

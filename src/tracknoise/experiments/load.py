@@ -202,8 +202,8 @@ def load_experiment(
 
 def _kinds(experiment: Experiment, names: list[str]) -> list[str]:
     """Names of trackers; underscores of a name that is not known become hyphens, as in `lucas_kanade`."""
-    known = {*tracker_names(), *(tracker.label for tracker in experiment.trackers)}
-    return [name if name in known else name.replace("_", "-") for name in names]
+    existing = {*tracker_names(), *(tracker.label for tracker in experiment.trackers)}
+    return [name if name in existing else name.replace("_", "-") for name in names]
 
 
 def _with_frames(experiment: Experiment, frames: int | list[int] | None) -> Experiment:

@@ -39,14 +39,14 @@ def kernels() -> str:
 
     It is asked for once per process, after something was measured: all libraries that take part are loaded then.
     """
-    blas = {_blas_text(found) for found in threadpool_info() if found["user_api"] == "blas"}
+    blas = {_blas_text(library) for library in threadpool_info() if library["user_api"] == "blas"}
     return ", ".join([*sorted(blas), f"NumPy {_numpy_kernel()}", f"OpenCV {_opencv_kernel()}"])
 
 
-def _blas_text(found: dict[str, object]) -> str:
+def _blas_text(library: dict[str, object]) -> str:
     """Name, version and, where the library tells it, kernel of a BLAS."""
-    name = "OpenBLAS" if found["internal_api"] == "openblas" else str(found["internal_api"])
-    return " ".join(filter(None, [name, str(found["version"] or ""), str(found.get("architecture") or "")]))
+    name = "OpenBLAS" if library["internal_api"] == "openblas" else str(library["internal_api"])
+    return " ".join(filter(None, [name, str(library["version"] or ""), str(library.get("architecture") or "")]))
 
 
 def _numpy_kernel() -> str:

@@ -66,10 +66,10 @@ def checked_speeds(speeds: object) -> list[int]:
     if not isinstance(speeds, Iterable) or isinstance(speeds, str):
         raise SettingsError(f"speeds = {speeds!r}, expected a list, such as [1] or [1, 2]")
     listed = list(speeds)
-    known = [int(speed) for speed in listed if type(speed) is int or isinstance(speed, np.integer)]
-    if not known or len(set(known)) < len(listed) or min(known) < 1:
+    whole = [int(speed) for speed in listed if type(speed) is int or isinstance(speed, np.integer)]
+    if not whole or len(set(whole)) < len(listed) or min(whole) < 1:
         raise SettingsError(f"speeds = {listed}, expected different whole numbers of 1 or more, such as [1, 2]")
-    return known
+    return whole
 
 
 def require_sequences(sequences: Items[object]) -> None:
@@ -179,8 +179,8 @@ class Measurement:
     def _repr_html_(self) -> str:
         """What was measured, and a row for each tracker and speed."""
         counts = self.tracks.group_by("tracker", "speed", maintain_order=True).agg(tracks=pl.len())
-        known = pl.col("du_px").is_not_null().sum()
-        errors = self.observations.group_by("tracker", "speed").agg(observations=pl.len(), known=known)
+        with_truth = pl.col("du_px").is_not_null().sum()
+        errors = self.observations.group_by("tracker", "speed").agg(observations=pl.len(), known=with_truth)
         rows = counts.join(errors, on=["tracker", "speed"], how="left", maintain_order="left")
         headings = ["tracker", "speed", "tracks", "observations", "with a true position"]
         card = html_card(f"Measurement of {readable(self.sequence.id.key)}", self._facts)
@@ -230,7 +230,7 @@ def measure(
     require_sequences(given)
     require_options(corrections, accuracy, max_frames, seed)
     require(poses in get_args(Poses), "poses", poses, "refined or stated")
-    first, *second = (chosen_frames(corrected(one, corrections), frames) for one in given)
+    first, *second = (chosen_frames(corrected(view, corrections), frames) for view in given)
     led = Leading.of([first], second, kind=truth, rule=accuracy, n_frames=max_frames, only_stated=poses == "stated")
     (measured,) = measure_together(
         led.sequences,
@@ -347,7 +347,7 @@ def poses_of_two(sequence: Sequence, second: Sequence | None, n_frames: int) -> 
     """How the poses of the frames that were read differ."""
     if second is None:
         return empty(POSE_DIFFERENCES)
-    return pose_differences(sequence.id, *(one.world_from_camera[:n_frames] for one in (sequence, second)))
+    return pose_differences(sequence.id, *(view.world_from_camera[:n_frames] for view in (sequence, second)))
 
 
 RASTER_PX = 256
@@ -368,9 +368,9 @@ class LocatingTruth(Protocol):
         ...
 
 
-def require_measurement(found: object) -> None:
+def require_measurement(value: object) -> None:
     """Refuse what is no measurement."""
-    require(isinstance(found, Measurement), "measurement", found, "what tracknoise.measure returns")
+    require(isinstance(value, Measurement), "measurement", value, "what tracknoise.measure returns")
 
 
 def tap_metrics(measurement: Measurement) -> pl.DataFrame:
@@ -435,8 +435,8 @@ def point_tracks(
     anchored = np.zeros(shape[0], dtype=np.bool_)
     for place in range(shape[1]):
         new = np.flatnonzero(there.any(axis=1) & (first == place))
-        world[new], found = truth.anchor(place * speed, reported[new, place])
-        anchored[new] = found == TruthStatus.valid
+        world[new], status_at_birth = truth.anchor(place * speed, reported[new, place])
+        anchored[new] = status_at_birth == TruthStatus.valid
         begun = np.flatnonzero(anchored & (first <= place))
         true_px[begun, place], status[begun, place] = truth.locate(place * speed, world[begun])
     after = np.arange(shape[1]) > first[anchored, None]

@@ -30,9 +30,9 @@ def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence
         if entry.pose_fit is None or not entry.pose_fit.leads:
             continue
         led.append(entry.pose_fit)
-        found = recorded_poses(folder.sequence_table("poses", entry.key))
-        known = np.flatnonzero(has_pose(found))
-        poses[first + known] = found[known]
+        recorded = recorded_poses(folder.sequence_table("poses", entry.key))
+        posed = np.flatnonzero(has_pose(recorded))
+        poses[first + posed] = recorded[posed]
     fit = joined_fit(led)
     if fit is None:
         return sequence
@@ -43,9 +43,9 @@ def with_measured_poses(sequence: Sequence, pieces: Iterable[Piece]) -> Sequence
 def recorded_poses(table: pl.DataFrame) -> NDArray[np.float64]:
     """(frames, 4, 4) float64, world_from_camera, from the table `poses` of a sequence: NaN where a frame has none."""
     table = table.sort("frame")
-    known = table["qw"].is_not_null().to_numpy()
+    posed = table["qw"].is_not_null().to_numpy()
     rows = table.filter(pl.col("qw").is_not_null())
     poses = np.full((table.height, 4, 4), np.nan)
     xyzw = rows.select("qx", "qy", "qz", "qw").to_numpy()
-    poses[known] = from_quaternion(rows.select("x_m", "y_m", "z_m").to_numpy(), xyzw)
+    poses[posed] = from_quaternion(rows.select("x_m", "y_m", "z_m").to_numpy(), xyzw)
     return poses

@@ -91,8 +91,8 @@ def ranges_of(n_frames: int, experiment: Experiment, speeds: Sequence[int], *, p
     if experiment.part_frames is None and count > 1 and n_frames >= (count + count % 2) * SHORTEST:
         count += count % 2  # of three parts, one of two cores would measure two
     starts = [round(number * n_frames / count / step) * step for number in range(count)]
-    found = tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True))
-    return found if count > 1 and min(map(len, found)) > max(speeds) else ()
+    ranges = tuple(range(*ends) for ends in zip(starts, [*starts[1:], n_frames], strict=True))
+    return ranges if count > 1 and min(map(len, ranges)) > max(speeds) else ()
 
 
 def _clips(n_frames: int, count: int, *, length: int, step: int) -> tuple[range, ...]:
@@ -144,39 +144,39 @@ class MeasuredPart:
 def measured_parts(task: Task, run: RunFolder) -> list[MeasuredPart]:
     """All parts of a sequence that show anything, in their order."""
     tracks: dict[tuple[str, int], int] = {}
-    found = []
+    measured = []
     for number, frames in enumerate(task.parts):
         folder = run.part(task.key, number)
         entry = folder.manifest().sequences[task.key]
         if not entry.sha256:  # nothing could be measured there
             continue
         part = Part(number, len(task.parts), frames.start, dict(tracks))
-        found.append(MeasuredPart(part, folder, entry))
+        measured.append(MeasuredPart(part, folder, entry))
         for tracker, speed, count in (
             folder.sequence_table("trims", task.key).select("tracker", "speed", "n_tracks").rows()
         ):
             tracks[tracker, speed] = tracks.get((tracker, speed), 0) + count
-    return found
+    return measured
 
 
 def joined_tables(task: Task, parts: Sequence[MeasuredPart]) -> Iterator[tuple[str, pl.DataFrame | pl.LazyFrame]]:
     """Tables of a sequence from those of its parts; those of single observations are read when they are written."""
-    names = dict.fromkeys(name for one in parts for name in one.folder.names_of_tables(task.key))
+    names = dict.fromkeys(name for measured in parts for name in measured.folder.names_of_tables(task.key))
     for name in names:
         if name in OF_THE_WHOLE:
             continue
-        having = [one for one in parts if name in one.entry.sha256]
+        having = [measured for measured in parts if name in measured.entry.sha256]
         if name in OBSERVED:
             yield name, _observed(name, task.key, having)
         else:
-            tables = ((one.part, one.folder.sequence_table(name, task.key)) for one in having)
+            tables = ((measured.part, measured.folder.sequence_table(name, task.key)) for measured in having)
             yield name, join(name, tables, schema_of(name))
 
 
 def _observed(name: str, key: str, parts: Sequence[MeasuredPart]) -> pl.LazyFrame:
     """Rows of each tracker and speed, part after part."""
-    conditions = dict.fromkeys(condition for one in parts for condition in _conditions(one, key))
-    scanned = [(one.part, one.folder.scan(name, key)) for one in parts]
+    conditions = dict.fromkeys(condition for measured in parts for condition in _conditions(measured, key))
+    scanned = [(measured.part, measured.folder.scan(name, key)) for measured in parts]
     rows = [
         place(table.filter(tracker=tracker, speed=speed), part, name)
         for tracker, speed in conditions
@@ -186,8 +186,8 @@ def _observed(name: str, key: str, parts: Sequence[MeasuredPart]) -> pl.LazyFram
     return together.select(list(layout_of(schema_of(name), together.collect_schema().names())))
 
 
-def _conditions(one: MeasuredPart, key: str) -> list[tuple[str, int]]:
-    table = one.folder.sequence_table("frames", key)
+def _conditions(measured: MeasuredPart, key: str) -> list[tuple[str, int]]:
+    table = measured.folder.sequence_table("frames", key)
     return table.select("tracker", "speed").unique(maintain_order=True).rows()
 
 
@@ -211,6 +211,6 @@ def note_of(task: Task, parts: Sequence[MeasuredPart], n_frames: int) -> str:
     else:
         length = f"{min(lengths)} to {max(lengths)}"
         note = f"measured in {len(lengths)} parts of {length} frames; tracks end at the end of a part"
-    shown = {one.part.place for one in parts}
+    shown = {measured.part.place for measured in parts}
     empty = [f"{frames[0]} to {frames[-1]}" for place, frames in enumerate(task.parts) if place not in shown]
     return f"{note}; nothing could be measured in frames {', '.join(empty)}" if empty else note

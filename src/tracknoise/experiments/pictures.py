@@ -60,10 +60,10 @@ def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
     Returns schema `PATCHES`.
     """
     observed = measurement.observations.lazy().filter(speed=speed).select(_COLUMNS).collect()
-    found = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)
-    chosen = [_located(observed, n_each, rows) for n_each, rows in found]
+    extremes = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)
+    chosen = [_located(observed, n_each, rows) for n_each, rows in extremes]
     patches = _cut(measurement, chosen)
-    return pl.DataFrame([_row(one, patches) for one in chosen], schema=dict(PATCHES))
+    return pl.DataFrame([_row(track, patches) for track in chosen], schema=dict(PATCHES))
 
 
 def _located(observed: pl.DataFrame, n_each: int, now: pl.DataFrame) -> _Chosen:
@@ -79,7 +79,9 @@ def _located(observed: pl.DataFrame, n_each: int, now: pl.DataFrame) -> _Chosen:
 
 def _cut(measurement: "Measurement", chosen: Sequence[_Chosen]) -> Mapping[tuple[int, float, float], Patch]:
     """Patches by frame and position. Each image is read once."""
-    tables = [table.select("frame", "u_px", "v_px") for one in chosen for table in (one.now, one.first, one.path)]
+    tables = [
+        table.select("frame", "u_px", "v_px") for track in chosen for table in (track.now, track.first, track.path)
+    ]
     if not tables:
         return {}
     wanted = pl.concat(tables).drop_nulls().unique().sort("frame")
@@ -104,13 +106,13 @@ def _patch(image: NDArray[np.uint8], u: float, v: float) -> Patch:
     return np.ascontiguousarray(image[np.ix_(rows, columns)])
 
 
-def _row(one: _Chosen, patches: Mapping[tuple[int, float, float], Patch]) -> dict[str, Any]:
-    lists = {name: one.now[name].to_list() for name in ("track", "frame", "anchor_frame", "du_px", "dv_px")}
-    pairs = [np.hstack(pair) for pair in zip(_of(one.first, patches), _of(one.now, patches), strict=True)]
-    strip = np.hstack(list(_of(one.path, patches)))
+def _row(track: _Chosen, patches: Mapping[tuple[int, float, float], Patch]) -> dict[str, Any]:
+    lists = {name: track.now[name].to_list() for name in ("track", "frame", "anchor_frame", "du_px", "dv_px")}
+    pairs = [np.hstack(pair) for pair in zip(_of(track.first, patches), _of(track.now, patches), strict=True)]
+    strip = np.hstack(list(_of(track.path, patches)))
     return {
-        **one.now.select(*ORIGIN, "at").row(0, named=True),
-        "n_each": one.n_each,
+        **track.now.select(*ORIGIN, "at").row(0, named=True),
+        "n_each": track.n_each,
         **lists,
         "sheet": encode_webp(np.vstack(pairs), quality=_PATCH_QUALITY),
         "strip": encode_webp(strip, quality=_PATCH_QUALITY),

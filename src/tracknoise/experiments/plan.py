@@ -79,8 +79,8 @@ def _distinct(tasks: Iterable[Task]) -> list[Task]:
     named: dict[str, Task] = {}
     for task in tasks:
         if task.key in named:
-            found = f"{named[task.key].sequence} and {task.sequence}"
-            raise DataError(task.key, f"the files of two sequences ({found})", "a name for each sequence")
+            both = f"{named[task.key].sequence} and {task.sequence}"
+            raise DataError(task.key, f"the files of two sequences ({both})", "a name for each sequence")
         named[task.key] = task
     return list(named.values())
 
@@ -144,18 +144,18 @@ def _reader(dataset: DatasetSettings) -> Reader:
     return posed_by(reader, dataset.trajectory, dataset.trajectory_of, dataset.trajectory_time_shift_s)
 
 
-def _check_selected(kind: str, names: list[str] | None, known: set[str]) -> None:
+def _check_selected(kind: str, names: list[str] | None, existing: set[str]) -> None:
     for name in names or []:
-        if name not in known:
-            raise UnknownNameError(kind, name, known)
+        if name not in existing:
+            raise UnknownNameError(kind, name, existing)
 
 
-def _check_groups(groups: dict[str, list[str]], known: set[str]) -> None:
+def _check_groups(groups: dict[str, list[str]], existing: set[str]) -> None:
     for group, patterns in groups.items():
         for pattern in patterns:
-            if not any(fnmatchcase(scene, pattern) for scene in known):
-                found = f"dataset.groups.{group}: no scene is called {pattern!r}"
-                raise SettingsError(f"{found}, expected a pattern of scenes such as {min(known)}")
+            if not any(fnmatchcase(scene, pattern) for scene in existing):
+                problem = f"dataset.groups.{group}: no scene is called {pattern!r}"
+                raise SettingsError(f"{problem}, expected a pattern of scenes such as {min(existing)}")
 
 
 def _is_selected(sequence: SequenceId, dataset: DatasetSettings) -> bool:

@@ -30,7 +30,7 @@ def kind_tables(sequence: Sequence, prepared: PreparedSequence, population: str)
     frame = seen.frame.astype(np.intp)
     positions = TruePositions(uv, status, depth_m)
     rows, points = anchored_points(sequence, frame, prepared.track_row, positions, key_frame=None)
-    found: dict[str, list[pl.DataFrame]] = {name: [] for name in KIND_TABLES}
+    by_kind: dict[str, list[pl.DataFrame]] = {name: [] for name in KIND_TABLES}
     for kind, poses in sequence.by_kind.items():
         error_px = prepared.seen.error_px.copy()
         error_px[rows] -= np.nan_to_num(moved_by(sequence, points, poses))
@@ -38,5 +38,5 @@ def kind_tables(sequence: Sequence, prepared: PreparedSequence, population: str)
         made = {"moments": scene_moments(seen), "scales": scales(replace(prepared, seen=seen))}
         for name, table in made.items():
             own = table.filter(pl.col("n") > 0, population=population)
-            found[f"kind_{name}"].append(own.select(pl.lit(kind).alias("references"), pl.all()))
-    return {name: pl.concat(tables) for name, tables in found.items()}
+            by_kind[f"kind_{name}"].append(own.select(pl.lit(kind).alias("references"), pl.all()))
+    return {name: pl.concat(tables) for name, tables in by_kind.items()}

@@ -44,9 +44,11 @@ def _machine() -> dict[str, str]:
 def require_versions(recorded: Mapping[str, str], *, place: str) -> None:
     """Refuse to measure with other versions than those that a run was begun with."""
     for name in dict.fromkeys([*LIBRARIES, *recorded]):
-        found, expected = _installed(name), recorded.get(name, "none")
-        if name != _PYTHON and found != expected:
-            raise SettingsError(f"{place}: {name} {found} is installed, expected {expected} as the run was begun with")
+        installed, expected = _installed(name), recorded.get(name, "none")
+        if name != _PYTHON and installed != expected:
+            raise SettingsError(
+                f"{place}: {name} {installed} is installed, expected {expected} as the run was begun with"
+            )
 
 
 def _versions(experiment: Experiment) -> dict[str, str]:

@@ -79,7 +79,9 @@ def _inputs(
 ) -> RunInputs:
     asked = experiment.findings
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
-    trackers = {one.label: (one.kind, one.options) for one in experiment.trackers if one.kind not in FROM_FILES}
+    trackers = {
+        choice.label: (choice.kind, choice.options) for choice in experiment.trackers if choice.kind not in FROM_FILES
+    }
     return RunInputs(
         run,
         reference_condition(manifest, experiment, statistics["outliers"]),
@@ -114,16 +116,16 @@ def _write_findings(inputs: RunInputs, manifest: Manifest, experiment: Experimen
     for analysis in (_AUDIT, *(analysis for topic in TOPICS for analysis in topic.analyses)):
         for table in analysis.tables:
             tables[table] = tables[table].filter(analysis.remaining(basis))
-    named = {table.name: found for table, found in tables.items()}
-    cited = {table.name: _cited(table, found, inputs) for table, found in tables.items() if table.rows is not None}
+    named = {table.name: rows for table, rows in tables.items()}
+    cited = {table.name: _cited(table, rows, inputs) for table, rows in tables.items() if table.rows is not None}
     named[FINDINGS.name] = tables[FINDINGS] = headline_table({**named, **cited}, reported)
     inputs.run.write_statistics(tables, documents={FINDINGS_JSON: findings_json(named), **models.documents})
 
 
-def _cited(table: RunTable, found: pl.DataFrame, inputs: RunInputs) -> pl.DataFrame:
+def _cited(table: RunTable, rows: pl.DataFrame, inputs: RunInputs) -> pl.DataFrame:
     """A table as sentences cite it, with the ids of its rows of results.
 
     Curves of errors are those of the reference condition: others are most rows of a large run, and in no sentence.
     """
     view: dict[str, Any] = {name: getattr(inputs.reference, name) for name in (*VIEW, "speed")}
-    return with_ids(table, found.filter(**view) if table.are_curves else found)
+    return with_ids(table, rows.filter(**view) if table.are_curves else rows)

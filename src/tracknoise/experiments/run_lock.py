@@ -138,10 +138,10 @@ def _open(path: Path) -> int:
         os.close(descriptor)
 
 
-def _require_own(path: Path, found: os.stat_result) -> None:
+def _require_own(path: Path, status: os.stat_result) -> None:
     """Refuse a file that is elsewhere too, or no file: what it holds is replaced."""
-    if not stat.S_ISREG(found.st_mode) or found.st_nlink > 1:
-        what = "a file with other names" if stat.S_ISREG(found.st_mode) else "not a regular file"
+    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
+        what = "a file with other names" if stat.S_ISREG(status.st_mode) else "not a regular file"
         raise StoreError(f"{path}: {what}, expected the lock of a run; remove it")
 
 

@@ -32,25 +32,25 @@ def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dic
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     synthetic = [tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC]
     samples = read_samples(tables, groups, without=synthetic)
-    found = tables_of(samples, next(iter(manifest.sequences.values())).sequence.dataset)
-    return {"audit": found.audit, "audit_curves": found.audit_curves}
+    audited = tables_of(samples, next(iter(manifest.sequences.values())).sequence.dataset)
+    return {"audit": audited.audit, "audit_curves": audited.audit_curves}
 
 
 def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
     """What a sequence keeps for the audit; poses at other times, and repeats of depths, only where it has them."""
     names = "audit_samples", "cameras", "poses", *(name for name in ("path", "depth_repeats") if name in entry.sha256)
-    found = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
-    return AuditedTables(**found, z_depth_from=entry.z_depth_from)
+    tables = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
+    return AuditedTables(**tables, z_depth_from=entry.z_depth_from)
 
 
 def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
     """Keys of one sequence of each scene and camera: upright and forward if there is one, under its first lighting."""
-    found: dict[tuple[str, str], dict[str, str]] = {}
+    audited: dict[tuple[str, str], dict[str, str]] = {}
     for key, entry in sorted(manifest.sequences.items()):
         name = entry.sequence
         if name.rotation == 0 and name.direction == "forward":
-            found.setdefault((name.scene, name.camera), {})[name.lighting] = key
-    return sorted(keys[first_lighting(keys, experiment)] for keys in found.values())
+            audited.setdefault((name.scene, name.camera), {})[name.lighting] = key
+    return sorted(keys[first_lighting(keys, experiment)] for keys in audited.values())
 
 
 def trust_table(
@@ -105,12 +105,12 @@ def _each(entries: list[SequenceEntry], name: str) -> list[str]:
 
 def _sizes(summary: pl.DataFrame, trimming: str, floor: pl.DataFrame) -> dict[str, ErrorSize]:
     """Size of the errors of each tracker whose errors are known, and by age of what is stated of the truth."""
-    found = {}
+    sizes = {}
     for row in summary.drop_nulls("at").to_dicts():
         stated = floor.filter(pl.col("at") <= row["at"], tracker=row["tracker"]).select("at", "floor_uu", "floor_vv")
-        found[row["tracker"]] = ErrorSize(
+        sizes[row["tracker"]] = ErrorSize(
             age=row["at"],
             error_px=hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]),
             stated_px={age: sqrt(uu + vv) for age, uu, vv in stated.iter_rows()} or None,
         )
-    return found
+    return sizes

@@ -58,10 +58,10 @@ def _frames_of_text(given: object) -> object:
     if not isinstance(given, str):
         return given
     try:
-        found = frames_of("frames =", given)
+        frames = frames_of("frames =", given)
     except SettingsError as error:
         raise ValueError(str(error)) from error
-    return [0, found - 1] if isinstance(found, int) else found
+    return [0, frames - 1] if isinstance(frames, int) else frames
 
 
 _Frames = Annotated[list[int] | None, BeforeValidator(_frames_of_text, json_schema_input_type=list[int] | str | None)]
@@ -337,12 +337,12 @@ def _estimator(name: str) -> str:
     from tracknoise.estimators.exports import estimator, estimator_name
 
     try:
-        known = estimator_name(name)
+        resolved = estimator_name(name)
     except (SettingsError, UnknownNameError) as error:
         raise ValueError(str(error)) from error
-    if estimator(known).purpose is None:
+    if estimator(resolved).purpose is None:
         raise ValueError("an estimator with one sigma: this one takes the components of a noise model")
-    return known
+    return resolved
 
 
 class EstimatorSettings(_Section):
@@ -444,8 +444,8 @@ class Experiment(_Section):
         """Return a copy with other trackers: those of the experiment by name, others by kind with default options."""
         if not names or len(set(names)) < len(names):
             raise SettingsError(f"trackers = {', '.join(names)}, expected different names")
-        known = {tracker.label: tracker for tracker in self.trackers}
-        chosen = [known.get(name) or _choice(name) for name in names]
+        by_label = {tracker.label: tracker for tracker in self.trackers}
+        chosen = [by_label.get(name) or _choice(name) for name in names]
         return self.model_copy(update={"trackers": chosen})
 
     def with_scenes(self, most: int | None) -> "Experiment":

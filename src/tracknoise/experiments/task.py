@@ -118,20 +118,22 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
     parts, n_frames = measured_parts(task, run), len(sequence)
     if not parts:
         raise NothingToMeasureError(sequence.source, "no feature with a true position", "poses, and depth or a surface")
-    leading = with_measured_poses(sequence, ((one.folder, one.entry, one.part.first_frame) for one in parts))
+    leading = with_measured_poses(
+        sequence, ((measured.folder, measured.entry, measured.part.first_frame) for measured in parts)
+    )
     other = next(iter(second), None if leading is sequence else sequence)
     tables = {
         **dict(joined_tables(task, parts)),
         **camera_tables(leading, n_frames),
         "pose_differences": poses_of_two(leading, other, n_frames),
     }
-    middle, entries = parts[len(parts) // 2], [one.entry for one in parts]
+    middle, entries = parts[len(parts) // 2], [measured.entry for measured in parts]
     if claim:
         claim.check()
     hashes = run.write_sequence(task.key, tables, middle.folder.snapshot(task.key))
-    frames = [task.parts[one.part.place] for one in parts]
-    doubted = [(one, Doubts(entry.doubts, entry.cautions)) for one, entry in zip(frames, entries, strict=True)]
-    found = doubts_of_parts(sequence, doubted)
+    frames = [task.parts[measured.part.place] for measured in parts]
+    doubted = [(span, Doubts(entry.doubts, entry.cautions)) for span, entry in zip(frames, entries, strict=True)]
+    doubts_of_all = doubts_of_parts(sequence, doubted)
     different = tuple(dict.fromkeys(note for entry in entries for note in entry.notes))
     entry = replace(
         middle.entry,
@@ -143,14 +145,14 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         pose_fit=joined_fit([entry.pose_fit for entry in entries]),
         wrong_tracks=wrong_in_most([entry.wrong_tracks for entry in entries]),
         confirmed_share=largest([entry.confirmed_share for entry in entries]),
-        doubts=found.mistakes,
-        cautions=found.cautions,
+        doubts=doubts_of_all.mistakes,
+        cautions=doubts_of_all.cautions,
         depth_edges=fmean(entry.depth_edges for entry in entries),
         kernels=" and ".join(sorted({entry.kernels for entry in entries})),
-        parts=tuple((one.start, one.stop) for one in task.parts),
+        parts=tuple((span.start, span.stop) for span in task.parts),
         sha256=hashes,
     )
-    return _with_inputs(entry, joined_inputs([one.folder for one in parts], task.key), run)
+    return _with_inputs(entry, joined_inputs([measured.folder for measured in parts], task.key), run)
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,8 +228,8 @@ def _measure_batch(
             kinds = {choice.label: choice.kind for choice in task.experiment.trackers}
             entry = _seen_in_images(entry, measurement, task.experiment)
             are_doubted = not (entry.wrong_tracks or refutes(entry.confirmed_share, MOST))
-            found = doubts(measurement, kinds if are_doubted else {})
-            entries.append(replace(entry, doubts=found.mistakes, cautions=found.cautions))
+            doubted = doubts(measurement, kinds if are_doubted else {})
+            entries.append(replace(entry, doubts=doubted.mistakes, cautions=doubted.cautions))
         inputs = input_tables(batch, recorder, sequences)
     return [_with_inputs(entry, table, run) for entry, table in zip(entries, inputs, strict=True)]
 
@@ -292,14 +294,16 @@ def _repeated(
     batch: list[Task], sequences: Items[Sequence], progress: Progress | None
 ) -> list[dict[str, pl.DataFrame]]:
     """Tables of `SEED_TABLES` of each sequence, measured with every random seed but the first. Empty if it is one."""
-    found: list[dict[str, list[pl.DataFrame]]] = [{} for _ in batch]
+    tables_of_sequences: list[dict[str, list[pl.DataFrame]]] = [{} for _ in batch]
     for repeat in range(1, batch[0].experiment.seeds):
         seed = pl.lit(repeat, dtype=pl.Int32).alias("seed")
-        for tables, one in zip(found, _measure(batch[0], sequences, progress, repeat=repeat), strict=True):
-            measured = {"moments": one.moments, "ends": count_ends(one.tracks), "frames": one.frames}
+        for tables, again in zip(
+            tables_of_sequences, _measure(batch[0], sequences, progress, repeat=repeat), strict=True
+        ):
+            measured = {"moments": again.moments, "ends": count_ends(again.tracks), "frames": again.frames}
             for name, table in measured.items():
                 tables.setdefault(f"seed_{name}", []).append(table.select(seed, pl.all()))
-    return [{name: pl.concat(parts) for name, parts in tables.items()} for tables in found]
+    return [{name: pl.concat(parts) for name, parts in tables.items()} for tables in tables_of_sequences]
 
 
 def _measure(

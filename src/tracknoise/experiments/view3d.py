@@ -47,8 +47,8 @@ class Scene:
     def large_error_px(self) -> float:
         """Error that is larger than 95 % of the known ones; 1 where none is known."""
         errors = pl.concat([part.observations["error_px"] for part in self.trackers.values()]).drop_nulls()
-        found = errors.quantile(0.95)
-        return float(found) if found else 1.0
+        large_px = errors.quantile(0.95)
+        return float(large_px) if large_px else 1.0
 
 
 def open_scene(run: RunFolder, scene: str | None = None) -> Scene:
@@ -95,8 +95,8 @@ def _points(observations: pl.DataFrame, tracks: pl.DataFrame, geometry: FrameGeo
     points: NDArray[np.float64] = geometry.unproject(
         first["frame"].to_numpy().astype(np.int64), uv, first["depth_m"].to_numpy()
     )
-    found = first.select("track", x_m=points[:, 0], y_m=points[:, 1], z_m=points[:, 2])
-    return found.filter(pl.all_horizontal(pl.col("x_m", "y_m", "z_m").is_finite()))
+    table = first.select("track", x_m=points[:, 0], y_m=points[:, 1], z_m=points[:, 2])
+    return table.filter(pl.all_horizontal(pl.col("x_m", "y_m", "z_m").is_finite()))
 
 
 _JPEG_QUALITY = 80
@@ -167,8 +167,8 @@ def _blueprint(rerun: Any) -> Any:
 def _log_still(rerun: Any, recording: Any, scene: Scene) -> None:
     """What does not change: true points and the path of the camera."""
     centres = scene.geometry.world_from_camera[:, :3, 3]
-    known = centres[np.isfinite(centres).all(axis=1)]
-    recording.log("world/path", rerun.LineStrips3D([known], colors=[_UNKNOWN]), static=True)
+    placed = centres[np.isfinite(centres).all(axis=1)]
+    recording.log("world/path", rerun.LineStrips3D([placed], colors=[_UNKNOWN]), static=True)
     for name, tracker in scene.trackers.items():
         worst = tracker.observations.group_by("track").agg(pl.col("error_px").max())
         points = tracker.points.join(worst, on="track", how="left", maintain_order="left")
@@ -195,9 +195,9 @@ def _log_tracker(rerun: Any, recording: Any, name: str, seen: pl.DataFrame, larg
         return
     uv, colours = seen.select("u_px", "v_px").to_numpy(), _colours(seen, large_px)
     recording.log([*_IMAGE, name, "tracks"], rerun.Points2D(uv, colors=colours, radii=2.0))
-    known = seen["error_px"].is_not_null().to_numpy()
+    with_truth = seen["error_px"].is_not_null().to_numpy()
     true_uv = seen.select("u_true_px", "v_true_px").to_numpy()
-    errors = rerun.LineStrips2D(np.stack([true_uv, uv], axis=1)[known], colors=colours[known])
+    errors = rerun.LineStrips2D(np.stack([true_uv, uv], axis=1)[with_truth], colors=colours[with_truth])
     recording.log([*_IMAGE, name, "errors"], errors)
     median = seen["error_px"].median()
     if median is not None:

@@ -26,7 +26,7 @@ def wrong_tracks(measurement: "Measurement", experiment: Experiment) -> tuple[tu
 
     Built-in trackers are not asked: what they report comes from these images.
     """
-    asked = [one for one in experiment.trackers if is_foreign(one.kind) and one.kind not in SYNTHETIC]
+    asked = [choice for choice in experiment.trackers if is_foreign(choice.kind) and choice.kind not in SYNTHETIC]
     return tuple(_wrong(measurement, asked))
 
 
@@ -35,17 +35,17 @@ def confirmed_share(measurement: "Measurement", experiment: Experiment) -> float
 
     None where it is not determined. Built-in trackers see the images themselves: with one of them it is not asked.
     """
-    seen = [one for one in experiment.trackers if one.kind not in SYNTHETIC]
-    if not all(is_foreign(one.kind) for one in seen):
+    seen = [choice for choice in experiment.trackers if choice.kind not in SYNTHETIC]
+    if not all(is_foreign(choice.kind) for choice in seen):
         return None
-    tracked = (_tracked(measurement, one.label, None) for one in seen)
-    return largest([most_confirmed(one, measurement.image) for one in tracked])
+    tracked = (_tracked(measurement, choice.label, None) for choice in seen)
+    return largest([most_confirmed(choice, measurement.image) for choice in tracked])
 
 
 def largest(shares: Items[float | None]) -> float | None:
     """The largest share; None where one is unknown, or there is none."""
-    known = [share for share in shares if share is not None]
-    return max(known) if known and len(known) == len(shares) else None
+    measured = [share for share in shares if share is not None]
+    return max(measured) if measured and len(measured) == len(shares) else None
 
 
 def wrong_in_most(parts: Items[Items[tuple[str, str]]]) -> tuple[tuple[str, str], ...]:
@@ -69,10 +69,10 @@ def _wrong(measurement: "Measurement", asked: list[TrackerChoice]) -> Iterator[t
         of_file = choice.kind == Imported.kind and "path" in choice.options  # tracks from arrays have no options
         settings = make_tracker(choice.kind, choice.options) if of_file else None
         imported = settings if isinstance(settings, Imported) else None
-        found = wrong_reading(_tracked(measurement, choice.label, imported), measurement.image)
-        if found is not None:
-            text = f"Tracks of {choice.label} do not follow the images: {_cause(found)}."
-            yield text, _step(found, choice.label, imported, measurement.sequence)
+        reading = wrong_reading(_tracked(measurement, choice.label, imported), measurement.image)
+        if reading is not None:
+            text = f"Tracks of {choice.label} do not follow the images: {_cause(reading)}."
+            yield text, _step(reading, choice.label, imported, measurement.sequence)
 
 
 def _tracked(measurement: "Measurement", tracker: str, imported: Imported | None) -> Tracked:
@@ -101,47 +101,47 @@ _TURNED = {
 }
 
 
-def _cause(found: Reading) -> str:
+def _cause(reading: Reading) -> str:
     """What is wrong."""
-    if found == STRAY:
+    if reading == STRAY:
         return "these follow the truth at the same points"
-    if found.shuffled:
+    if reading.shuffled:
         return "their ids name other features in other frames"
-    if found.later:
-        when = "later" if found.later > 0 else "earlier"
-        return f"they are those of images {counted(abs(found.later), 'frame')} {when}"
-    if found.raster is not None:
-        return f"they are positions in images of {_size(found)} px"
-    return _TURNED.get(found.columns, "their columns are swapped, and one of them counts from the other end")
+    if reading.later:
+        when = "later" if reading.later > 0 else "earlier"
+        return f"they are those of images {counted(abs(reading.later), 'frame')} {when}"
+    if reading.raster is not None:
+        return f"they are positions in images of {_size(reading)} px"
+    return _TURNED.get(reading.columns, "their columns are swapped, and one of them counts from the other end")
 
 
-def _step(found: Reading, tracker: str, imported: Imported | None, sequence: Sequence) -> str:
+def _step(reading: Reading, tracker: str, imported: Imported | None, sequence: Sequence) -> str:
     """What mends it: an option of imported tracks, or what another tracker should report."""
-    if found == STRAY:
+    if reading == STRAY:
         return f"Check which recording, frames and size of images the positions of {tracker} are of."
-    if found.shuffled:
+    if reading.shuffled:
         if imported is None:
             return f"Give each feature of {tracker} one id in all frames."
         return f'Set ids = "slots" for {tracker} if they are slots of an array; otherwise give each feature one id.'
     if imported is None:
         return f"Make {tracker} report u to the right and v down, in px of these images, in the frame that it sees."
-    if found.later:
-        of_times = _with_times(found, imported, sequence)
-        return f"Set first_frame = {imported.first_frame - found.later} for {tracker}{of_times}."
-    if found.raster is not None:
-        return f"Set raster = [{_size(found, ', ')}] for {tracker}."
-    return f'Set columns = "{imported.columns.then(found.columns)}" for {tracker}.'
+    if reading.later:
+        of_times = _with_times(reading, imported, sequence)
+        return f"Set first_frame = {imported.first_frame - reading.later} for {tracker}{of_times}."
+    if reading.raster is not None:
+        return f"Set raster = [{_size(reading, ', ')}] for {tracker}."
+    return f'Set columns = "{imported.columns.then(reading.columns)}" for {tracker}.'
 
 
-def _with_times(found: Reading, imported: Imported, sequence: Sequence) -> str:
+def _with_times(reading: Reading, imported: Imported, sequence: Sequence) -> str:
     """The option for files that state times instead of frames; empty where the sequence has no times."""
     times = times_of(sequence)
     if times is None or len(times) < 2:
         return ""
-    offset_s = imported.time_offset_s + found.later * float(np.median(np.diff(times)))
+    offset_s = imported.time_offset_s + reading.later * float(np.median(np.diff(times)))
     return f", or time_offset_s = {offset_s:.6g} if it has times"
 
 
-def _size(found: Reading, between: str = " x ") -> str:
-    assert found.raster is not None, "the size of images"
-    return between.join(f"{side:g}" for side in found.raster)
+def _size(reading: Reading, between: str = " x ") -> str:
+    assert reading.raster is not None, "the size of images"
+    return between.join(f"{side:g}" for side in reading.raster)

@@ -49,6 +49,7 @@ from tracknoise.analysis.paired_tests import (
     DISAGREE,
     N_DRAWS,
     Answer,
+    Family,
     Question,
     Unit,
     answer,
@@ -152,16 +153,11 @@ ROLES: Mapping[str, str] = {name: role for name, role in _ROLES.items() if role 
 RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
 LEAST_TRACKERS = 3
-_OTHERS = "others"
-_FAMILIES: Mapping[str, str] = {
-    **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),
-    **dict.fromkeys(("lifetime", "outlier_ratio"), "ends"),
+_FAMILIES: Mapping[str, Family] = {
+    **dict.fromkeys((CORE, "second"), Family.sizes),
+    **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
 }
-
-
-def family(statistic: str) -> str:
-    """Family of questions that a statistic, or a role of one, belongs to: `sizes`, `ends` or `others`."""
-    return _FAMILIES.get(ROLES.get(statistic, statistic), _OTHERS)
+"""Families of roles; those of all others are `others`."""
 
 
 _LEFT_OUT = "central"
@@ -384,7 +380,7 @@ def _unit(role: str) -> Unit:
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     cell = ("dataset", "factor", *CONDITION, "pair")
-    of_cell = _numbers([(*map(row.get, cell), family(row["statistic"])) for row in rows])
+    of_cell = _numbers([(*map(row.get, cell), _FAMILIES.get(ROLES[row["statistic"]], Family.others)) for row in rows])
     of_statistic = _numbers([tuple(row[name] for name in ("dataset", "factor", "statistic")) for row in rows])
     p_yes, p_no = ([row.get(name) for row in rows] for name in ("p_yes", "p_no"))
     q_yes = in_families(benjamini_hochberg, in_families(hochberg, p_yes, of_cell), of_statistic)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 import polars as pl
 
+from tracknoise.analysis.estimand import Estimand
 from tracknoise.estimators.run_models import ADVICE
 from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FINDINGS, STATISTICS_TABLES, TRUST
 from tracknoise.tables.run_table import RunTable
@@ -59,6 +60,11 @@ TOPICS: tuple[Topic, ...] = (
     NUMBERS,
 )
 
+_COMPARED_FIRST = (SIZE, BIAS, SHAPE, GROWTH, OUTLIERS_OF_TRACKERS, LIFETIMES_OF_TRACKS)
+ESTIMANDS: Mapping[str, Estimand] = {
+    estimand.name: estimand for topic in (*_COMPARED_FIRST, *TOPICS) for estimand in topic.compared
+}
+"""What runs are compared by, in the order in which it is reported."""
 ANALYSES: tuple[Analysis, ...] = tuple(analysis for topic in TOPICS for analysis in topic.analyses)
 FINDINGS_TABLES = (
     *(table for analysis in ANALYSES for table in analysis.tables),

@@ -6,6 +6,8 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
+from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues
+from tracknoise.analysis.paired_tests import Family
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -264,5 +266,29 @@ def size_measure(subject: Subject) -> Measure | None:
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 
-SIZE = Topic("noise", headline=size, measure=size_measure, in_cards=ABOUT_TRACKS, rows_of_card=("error", "noise"))
+SIZE = Topic(
+    "noise",
+    headline=size,
+    measure=size_measure,
+    in_cards=ABOUT_TRACKS,
+    rows_of_card=("error", "noise"),
+    compared=(
+        Estimand(
+            "core",
+            "core of the errors",
+            f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
+            RoleValues("core"),
+            family=Family.sizes,
+            of_errors=True,
+        ),
+        Estimand(
+            "second_moment",
+            "second moment",
+            f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
+            RoleValues("second"),
+            family=Family.sizes,
+            of_errors=True,
+        ),
+    ),
+)
 SURVIVORSHIP = Topic("survivorship", headline=survivorship, of_these_scenes=True)

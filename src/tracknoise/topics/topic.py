@@ -11,6 +11,7 @@ from typing import TypeAlias
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling
+from tracknoise.analysis.estimand import Estimand
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.tables.run_table import RunTable
 from tracknoise.topics.answer_summary import Measure
@@ -108,6 +109,8 @@ class Topic:
         The finding in a short sentence about one tracker. Where there is none, the brief text of the finding is used.
     of_these_scenes
         Whether the brief text has numbers of the measured scenes.
+    compared
+        Statistics of it that runs are compared by.
     """
 
     name: str
@@ -119,3 +122,4 @@ class Topic:
     rows_of_card: Sequence[str] = ()
     sentence: Callable[[RunData, str], str] | None = None
     of_these_scenes: bool = False
+    compared: Sequence[Estimand] = ()

@@ -69,7 +69,7 @@ from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
 from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
 from tracknoise.words import STATISTICS, only
 
@@ -118,6 +118,7 @@ DEPENDENCE = RunTable(
     },
     _factors(),
     title="verdicts on factors, with intervals",
+    verdicts=ALL_ROWS,
 )
 """Does a factor change a statistic: one row per factor, condition that was held, and statistic.
 

@@ -70,7 +70,7 @@ from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
 from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import SPACE, format_as, listing, number, thousandths
@@ -140,6 +140,7 @@ GAUSSIANITY = RunTable(
     },
     _shape(),
     title="shape of the error distribution",
+    verdicts=ALL_ROWS,
 )
 """Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
 

@@ -63,7 +63,7 @@ from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict, Weighting
 from tracknoise.tables.findings_schema import BEHAVIOUR, INTERVAL_KIND, RESAMPLED
 from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import (
     ASPECT_BLOCKS,
     ASPECTS,
@@ -138,6 +138,7 @@ TIME_STRUCTURE = RunTable(
     },
     _growth(),
     title="error growth",
+    verdicts=ALL_ROWS,
 )
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 

@@ -27,7 +27,17 @@ from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, EVERYTHING, INTERVAL_COLUMNS, MEASURED
 from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number, same
+from tracknoise.tables.run_table import (
+    ALL_ROWS,
+    ESTIMATED_OF_N,
+    OF_CONDITION,
+    OF_VIEW,
+    Rows,
+    RunTable,
+    Value,
+    one_number,
+    same,
+)
 from tracknoise.tables.schema import (
     BETWEEN_TRACKERS,
     FITTED_MEASURE,
@@ -128,6 +138,7 @@ TRIANGULATED_NOISE = RunTable(
         ESTIMATED_OF_N,
     ),
     title="noise from triangulated truth",
+    verdicts=ALL_ROWS,
 )
 """Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
 

@@ -487,6 +487,7 @@ INTERVALS = RunTable(
         **dict.fromkeys(("spread", "next_low", "next_high", "coverage"), pl.Float64),
     },
     _intervals(),
+    verdicts=pl.col("at").is_null(),
 )
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 

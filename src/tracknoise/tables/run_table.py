@@ -12,6 +12,7 @@ from tracknoise.tables.schema import CONDITION, VIEW, Schema
 Columns: TypeAlias = Mapping[str, str]
 """Columns of a table by columns of `RESULTS`."""
 Constants: TypeAlias = Mapping[str, Any]
+ALL_ROWS = pl.lit(value=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,11 +86,15 @@ class RunTable(dict[str, pl.DataType | type[pl.DataType]]):
         Of results that it makes; None where it has no numbers of its own.
     title
         Of its file in a report; empty where it has none as it is.
+    verdicts
+        Its rows that are in the document of findings; None where none are.
     """
 
-    def __init__(self, name: str, columns: Schema, rows: Rows | None = None, *, title: str = "") -> None:
+    def __init__(
+        self, name: str, columns: Schema, rows: Rows | None = None, *, title: str = "", verdicts: pl.Expr | None = None
+    ) -> None:
         super().__init__(columns)
-        self.name, self.rows, self.title = name, rows, title
+        self.name, self.rows, self.title, self.verdicts = name, rows, title, verdicts
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(self.name)

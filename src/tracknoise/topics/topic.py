@@ -13,7 +13,7 @@ import polars as pl
 from tracknoise.analysis.condition_units import Sampling
 from tracknoise.analysis.estimand import Estimand
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.tables.run_table import RunTable
+from tracknoise.tables.run_table import ALL_ROWS, RunTable
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
 from tracknoise.topics.measures import Subject
@@ -21,7 +21,6 @@ from tracknoise.topics.run_data import RunData
 
 Pool: TypeAlias = Callable[[Iterator[pl.DataFrame], Sampling], pl.DataFrame]
 NO_ROWS = pl.lit(value=False)
-ALL_ROWS = pl.lit(value=True)
 
 
 class Basis(StrEnum):

@@ -68,7 +68,7 @@ from tracknoise.statistics.grouping import Condition
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
 from tracknoise.words import STATISTICS, only
@@ -90,7 +90,7 @@ def _factors() -> Rows:
         Value("effect_horizon", "horizon"),
     ]
     keys = {**OF_CONDITION, **same("factor", "axis", "coordinate", "at"), "of": "statistic"}
-    return Rows(ResultTopic.factors, keys, values)
+    return Rows("factors", keys, values)
 
 
 DEPENDENCE = RunTable(
@@ -119,6 +119,20 @@ DEPENDENCE = RunTable(
     _factors(),
     title="verdicts on factors, with intervals",
     verdicts=ALL_ROWS,
+    quantities={
+        "effect": Quantity(
+            None, "Largest difference that a factor makes, paired within scenes: a ratio, or px for means."
+        ),
+        "effect_bound": Quantity(None, "Upper bound of the difference of any two levels at any age."),
+        "effect_margin": Quantity(None, "Effect above which a factor matters."),
+        "effect_p": Quantity(
+            "1", "p-value: yes (no difference exceeds the margin) and no (some difference is at least the margin)."
+        ),
+        "effect_q": Quantity(
+            "1", "The same adjusted for the other questions of its family, and for the other cells of the factor."
+        ),
+        "effect_horizon": Quantity("frames", "Horizon to which lifetimes are restricted."),
+    },
 )
 """Does a factor change a statistic: one row per factor, condition that was held, and statistic.
 
@@ -508,7 +522,7 @@ RANKS = RunTable(
         "why": pl.String,
     },
     Rows(
-        ResultTopic.ranks,
+        "ranks",
         {**OF_CONDITION, "axis": "axis", "of": "statistic"},
         [
             *(
@@ -518,6 +532,10 @@ RANKS = RunTable(
             Value("rank_count", "n_trackers"),
         ],
     ),
+    quantities={
+        "rank": Quantity("1", "Best and worst rank among trackers, by a statistic, by shown differences."),
+        "rank_count": Quantity("1", "Number of trackers that were ranked."),
+    },
 )
 """Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
 

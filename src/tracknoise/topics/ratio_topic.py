@@ -20,7 +20,7 @@ from tracknoise.tables.enumerations import Axis, Trimming
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.topics.measures import first
-from tracknoise.topics.topic import NO_ROWS, Topic, pooled
+from tracknoise.topics.topic import NO_ROWS, Curve, Topic, pooled
 from tracknoise.words import bounds_text, format_estimate
 
 _LEAST = 100
@@ -151,6 +151,7 @@ RATIOS_OF_SUMS = Topic(
     ),
     headline=ratios,
     of_these_scenes=True,
+    curves=[Curve(name, RATIO_VALUES, "error-by-tracker", {"quantity": name}) for name in RATIOS],
     compared=(
         *map(_of_metric, _METRICS),
         *(_of_ratio(name) for name in RATIOS if QUANTITIES[name].compared != ComparedBy.none),

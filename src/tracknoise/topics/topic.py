@@ -3,8 +3,8 @@
 `tracknoise.topics.catalogue` lists all topics. What makes, stores, words and shows a run goes through that list.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
@@ -85,6 +85,31 @@ def make_tables(analyses: Iterable[Analysis], inputs: RunInputs) -> list[Analysi
 
 
 @dataclass(frozen=True)
+class Curve:
+    """A figure of a number of each tracker by age, with its interval.
+
+    Attributes
+    ----------
+    quantity
+        Of the number, with its title.
+    table
+        That has it: columns at, n, value, low, high, and what intervals are of.
+    section
+        Of the report.
+    rows
+        Values of columns of the table in its rows.
+    combined
+        How features or scenes are, in a few words.
+    """
+
+    quantity: str
+    table: RunTable
+    section: str
+    rows: Mapping[str, str] = field(default_factory=dict)
+    combined: str = "features pooled"
+
+
+@dataclass(frozen=True)
 class Topic:
     """What a run says about one thing.
 
@@ -110,6 +135,8 @@ class Topic:
         Whether the brief text has numbers of the measured scenes.
     compared
         Statistics of it that runs are compared by.
+    curves
+        Its figures.
     """
 
     name: str
@@ -122,3 +149,4 @@ class Topic:
     sentence: Callable[[RunData, str], str] | None = None
     of_these_scenes: bool = False
     compared: Sequence[Estimand] = ()
+    curves: Sequence[Curve] = ()

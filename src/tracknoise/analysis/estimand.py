@@ -39,13 +39,18 @@ class Estimand:
     """One statistic that runs are compared by."""
 
     name: str  # in files
-    title: str  # for readers
     meaning: str  # what is estimated
     values: RoleValues | TableValues  # of scenes
     unit: Unit = Unit.ratio  # of an effect
+    called: str = ""  # for readers; by default the name
     larger_is_better: bool = False
     family: Family = Family.others  # of tests that are corrected together
     of_errors: bool = False  # whether it has no meaning where true positions are fitted to the tracks
+
+    @property
+    def title(self) -> str:
+        """What it is called."""
+        return self.called or self.name.replace("_", " ")
 
 
 OVER_SCENES = "geometric mean over scenes"

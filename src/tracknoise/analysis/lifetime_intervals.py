@@ -46,16 +46,8 @@ INCIDENCE = RunTable(
         "incidence": pl.Float64,
         **INTERVAL_COLUMNS,
     },
-    one_number(
-        "causes",
-        "incidence",
-        "incidence",
-        {**OF_CONDITION, "part": "cause", "at": "lifetime"},
-        ESTIMATED,
-    ),
-    quantities={
-        "incidence": Quantity("share", "Share of all tracks that a cause has ended up to this lifetime."),
-    },
+    one_number("causes", "incidence", "incidence", {**OF_CONDITION, "part": "cause", "at": "lifetime"}, ESTIMATED),
+    quantities={"incidence": Quantity("share", "Share of all tracks that a cause has ended up to this lifetime.")},
     without_truth=True,
 )
 """Share of all tracks that have ended by a cause up to and including a lifetime: one row per cause and lifetime.

@@ -61,9 +61,7 @@ SURROUNDING_ERRORS = RunTable(
         [Value("surrounding", "value", carried=ESTIMATED_OF_N | {"unit": "unit"})],
         packed={"part": ("surrounding", "class")},
     ),
-    quantities={
-        "surrounding": Quantity(None, "Untrimmed errors by what surrounds a feature."),
-    },
+    quantities={"surrounding": Quantity(None, "Untrimmed errors by what surrounds a feature.")},
 )
 """Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
 
@@ -139,9 +137,7 @@ SPEED_ERRORS = RunTable(
         {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate")},
         ESTIMATED_OF_N,
     ),
-    quantities={
-        "image_speed_mean": Quantity("px", "Mean error along and across the image motion, by its speed."),
-    },
+    quantities={"image_speed_mean": Quantity("px", "Mean error along and across the image motion, by its speed.")},
 )
 """Mean of visible, untrimmed errors along and across the image motion, by its speed: class_low to class_high px/frame.
 

@@ -23,15 +23,11 @@ POINT_TRACKING_METRICS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        "point tracking",
-        "point_tracking",
-        "value",
-        {**OF_CONDITION, "part": "raster", "of": "metric"},
-        ESTIMATED,
+        "point tracking", "point_tracking", "value", {**OF_CONDITION, "part": "raster", "of": "metric"}, ESTIMATED
     ),
     title="metrics of TAP-Vid and expected feature age",
     quantities={
-        "point_tracking": Quantity("share", "Metrics of TAP-Vid and expected feature age: means over sequences."),
+        "point_tracking": Quantity("share", "Metrics of TAP-Vid and expected feature age: means over sequences.")
     },
 )
 """Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.

@@ -110,7 +110,7 @@ POSE_DISAGREEMENT = RunTable(
     ),
     title="disagreement of the poses of two truths",
     quantities={
-        "pose_disagreement": Quantity(None, "RMS difference per axis between the relative poses of two truths."),
+        "pose_disagreement": Quantity(None, "RMS difference per axis between the relative poses of two truths.")
     },
     without_truth=True,
 )
@@ -149,7 +149,7 @@ TRIANGULATED_NOISE = RunTable(
     title="noise from triangulated truth",
     verdicts=ALL_ROWS,
     quantities={
-        "fitted_noise": Quantity("px", "Noise of one coordinate, corrected for the fit of the true positions."),
+        "fitted_noise": Quantity("px", "Noise of one coordinate, corrected for the fit of the true positions.")
     },
 )
 """Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
@@ -183,9 +183,7 @@ TRACKER_DIFFERENCES = RunTable(
         ESTIMATED_OF_N | {"unit": "unit", "verdict": "established"},
     ),
     title="differences between trackers",
-    quantities={
-        "tracker_difference": Quantity(None, "Difference of the errors of two trackers at the same corners."),
-    },
+    quantities={"tracker_difference": Quantity(None, "Difference of the errors of two trackers at the same corners.")},
     without_truth=True,
 )
 """Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.

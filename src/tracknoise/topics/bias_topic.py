@@ -237,7 +237,6 @@ BIAS = Topic(
     compared=(
         Estimand(
             "bias",
-            "bias",
             "Size of the mean error in u or v, mean over scenes, at the age (or frame) that changed most clearly.",
             RoleValues(SIGNED),
             Unit.px,

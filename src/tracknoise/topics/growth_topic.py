@@ -293,7 +293,6 @@ GROWTH = Topic(
     compared=(
         Estimand(
             "growth",
-            "growth",
             "Factor by which the second moment grows from the youngest to the oldest age, by a straight line through "
             f"logarithms: {OVER_SCENES} and both coordinates.",
             RoleValues("growth", axes=(Axis.age,)),

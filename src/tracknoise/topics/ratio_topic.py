@@ -123,10 +123,10 @@ def _of_ratio(name: str) -> Estimand:
 
     return Estimand(
         name,
-        quantity.title.lower(),
         f"{quantity.estimand} Untrimmed, mean over scenes and ages.",
         TableValues("ratio_sums", numbers, {"trimming": Trimming.untrimmed}, Axis.age),
         Unit.ratio if quantity.compared == ComparedBy.ratio else Unit.share,
+        quantity.title.lower(),
         larger_is_better=quantity.better == Better.larger,
         of_errors=True,
     )
@@ -140,7 +140,7 @@ def _of_metric(name: str) -> Estimand:
         return None if reported.is_empty() else reported.select("scene", value=column)
 
     values = TableValues("point_tracking", numbers, {"raster": "256x256"})
-    return Estimand(name, title, meaning, values, Unit.share, larger_is_better=True)
+    return Estimand(name, meaning, values, Unit.share, title, larger_is_better=True)
 
 
 RATIOS_OF_SUMS = Topic(

@@ -142,7 +142,6 @@ SHAPE = Topic(
     compared=(
         Estimand(
             "tails",
-            "tails",
             "Share of the errors of a scene that are larger than three cores of their age, all ages together: "
             f"{OVER_SCENES} and both coordinates.",
             RoleValues("tails"),

@@ -11,7 +11,6 @@ from tracknoise.analysis.paired_tests import Family
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
 from tracknoise.topics.headline import (
@@ -261,7 +260,7 @@ def size_measure(subject: Subject) -> Measure | None:
         sentence = f"The error of {subject.tracker} is {missing}."
         return Measure("error", "px", number, None, smallest, f"{quantity} in {axis} {missing}", sentence, _SECTION)
     note = f"{quantity} in {axis} {place}; in {other_axis} {other_number.text}"
-    most = at_most(TruthVerdict.of(subject.data["trust"]))
+    most = at_most(subject.data.truth)
     sentence = f"The {quantity} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
@@ -275,15 +274,14 @@ SIZE = Topic(
     compared=(
         Estimand(
             "core",
-            "core of the errors",
             f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
             RoleValues("core"),
+            called="core of the errors",
             family=Family.sizes,
             of_errors=True,
         ),
         Estimand(
             "second_moment",
-            "second moment",
             f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
             RoleValues("second"),
             family=Family.sizes,

@@ -86,27 +86,13 @@ def make_tables(analyses: Iterable[Analysis], inputs: RunInputs) -> list[Analysi
 
 @dataclass(frozen=True)
 class Curve:
-    """A figure of a number of each tracker by age, with its interval.
+    """A figure of a number of each tracker by age, with its interval."""
 
-    Attributes
-    ----------
-    quantity
-        Of the number, with its title.
-    table
-        That has it: columns at, n, value, low, high, and what intervals are of.
-    section
-        Of the report.
-    rows
-        Values of columns of the table in its rows.
-    combined
-        How features or scenes are, in a few words.
-    """
-
-    quantity: str
-    table: RunTable
-    section: str
-    rows: Mapping[str, str] = field(default_factory=dict)
-    combined: str = "features pooled"
+    quantity: str  # with its title
+    table: RunTable  # columns at, n (features), value, low, high, and what intervals are of
+    section: str  # of the report
+    rows: Mapping[str, str] = field(default_factory=dict)  # values of columns of the table in its rows
+    combined: str = "features pooled"  # how features or scenes are
 
 
 @dataclass(frozen=True)

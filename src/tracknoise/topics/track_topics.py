@@ -172,7 +172,6 @@ OUTLIERS_OF_TRACKERS = Topic(
     compared=(
         Estimand(
             "outlier_ratio",
-            "outlier ratio",
             f"Features rejected as outliers, divided by features offered: {OVER_SCENES}.",
             RoleValues("outlier_ratio", axes=(None,)),
             family=Family.ends,
@@ -190,7 +189,6 @@ LIFETIMES_OF_TRACKS = Topic(
     compared=(
         Estimand(
             "lifetime",
-            "lifetime",
             f"Restricted mean lifetime to a horizon that all scenes reach in both runs: {OVER_SCENES}.",
             RoleValues("lifetime", axes=(None,)),
             larger_is_better=True,
@@ -198,7 +196,6 @@ LIFETIMES_OF_TRACKS = Topic(
         ),
         Estimand(
             "feature_count",
-            "feature count",
             f"Mean number of features per frame: {OVER_SCENES}.",
             TableValues("frames", lambda frames: frames.group_by("scene").agg(value=pl.col("alive").mean())),
             larger_is_better=True,

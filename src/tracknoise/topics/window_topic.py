@@ -367,20 +367,19 @@ DEPTH_NOISE = Topic(
     compared=(
         Estimand(
             "consistent_sigma",
-            "sigma for depths",
             "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
             f"enough scenes of both runs have: {OVER_SCENES}.",
             _of_windows("consistent_sigma", _at_the_reported_window),
+            called="sigma for depths",
             family=Family.sizes,
         ),
         Estimand(
             "residual_sigma",
-            "residual core",
             f"Residual core of windows of observations: {OVER_SCENES} and lengths of windows.",
             _of_windows("residual_core"),
+            called="residual core",
         ),
         Estimand(
-            "overconfidence",
             "overconfidence",
             f"Consistent sigma of windows, divided by their residual core: {OVER_SCENES} and lengths.",
             _of_windows("core_overconfidence"),

@@ -85,13 +85,7 @@ POSE_SHARE = RunTable(
         "share": pl.Float64,
         **INTERVAL_COLUMNS,
     },
-    one_number(
-        "pose share",
-        "pose_share",
-        "share",
-        {**OF_CONDITION, "part": "fitted_to"},
-        ESTIMATED_OF_N,
-    ),
+    one_number("pose share", "pose_share", "share", {**OF_CONDITION, "part": "fitted_to"}, ESTIMATED_OF_N),
     title="share of errors without outliers that pose errors explain",
     quantities={
         "pose_share": Quantity(
@@ -124,9 +118,7 @@ POSE_LAW = RunTable(
         ESTIMATED_OF_N | {"unit": "unit"},
     ),
     title="growth of pose errors",
-    quantities={
-        "pose_error": Quantity(None, "Growth law of the errors of the stated poses."),
-    },
+    quantities={"pose_error": Quantity(None, "Growth law of the errors of the stated poses.")},
     without_truth=True,
 )
 """Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.

@@ -27,6 +27,7 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.inference.paired_differences import differences
 from tracknoise.tables.enumerations import ChangeVerdict
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import ESTIMANDS
 
 _CHANGED = (ChangeVerdict.worse, ChangeVerdict.better)
 _SCENES, _STATISTICS, _AGES = 8, 12, 10
@@ -106,7 +107,7 @@ def edge(runs: int, *, margin: float, seed: int) -> None:
             levels = np.stack([np.log1p(margin) + noise, np.zeros_like(noise)], axis=1)
             measured, places = np.ones(levels.shape[:2], dtype=np.bool_), np.arange(1, _AGES + 1)
             values = differences(levels, measured, logarithms=True, places=places)
-            asked.append(Asked(of, "core", values, names, np.arange(_SCENES), "age"))
+            asked.append(Asked(of, ESTIMANDS["core"], values, names, np.arange(_SCENES), "age"))
         rows = verdicts(asked, margin=margin)
         wrong["changed"] += any(row.verdict in _CHANGED for row in rows)
         wrong["none"] += any(row.verdict == ChangeVerdict.none for row in rows)

@@ -9,6 +9,7 @@ from tracknoise.analysis.gate import Gate, judge
 from tracknoise.analysis.run_changes import Asked, Compared, verdicts
 from tracknoise.inference.paired_differences import NO_PLACES, Differences, differences
 from tracknoise.tables.enumerations import ComparedAges
+from tracknoise.topics.catalogue import ESTIMANDS
 
 OF = Compared("after", "lk", "lk", "simulated", "default", 0, "forward", "", 1)
 
@@ -23,7 +24,9 @@ def paired(change, places=NO_PLACES, *, n_coordinates=1, **columns) -> Differenc
 
 def asked(statistic, change, *, scenes=10, spread=0.01, of=OF, seed=0, **columns):
     values = change + spread * np.random.default_rng(seed).standard_normal((scenes, 1))
-    return Asked(of, statistic, paired(values, **columns), [f"s{i}" for i in range(scenes)], np.arange(scenes))
+    return Asked(
+        of, ESTIMANDS[statistic], paired(values, **columns), [f"s{i}" for i in range(scenes)], np.arange(scenes)
+    )
 
 
 @pytest.mark.parametrize(
@@ -81,7 +84,7 @@ def test_what_else_is_compared_leaves_the_answers_about_sizes_and_lifetimes_as_t
 
 def test_a_zero_in_one_run_alone_cannot_be_within_the_margin():
     pair = paired(np.zeros((10, 1)), unlike=np.ones((1, 1), bool))
-    (row,) = verdicts([Asked(OF, "core", pair, [f"s{i}" for i in range(10)], np.arange(10))])
+    (row,) = verdicts([Asked(OF, ESTIMANDS["core"], pair, [f"s{i}" for i in range(10)], np.arange(10))])
     assert row.verdict == "undecided"
     assert "value of 0" in row.why
 
@@ -89,7 +92,7 @@ def test_a_zero_in_one_run_alone_cannot_be_within_the_margin():
 def test_the_margin_of_a_bias_is_a_share_of_the_core():
     total = np.random.default_rng(1).standard_normal((10, 2)) * 0.01
     pair = paired(total + 0.3, np.array([4]), n_coordinates=2, total=(total + 0.5)[:, None], scale_px=0.4)
-    (row,) = verdicts([Asked(OF, "bias", pair, [f"s{i}" for i in range(10)], np.arange(10), "age")])
+    (row,) = verdicts([Asked(OF, ESTIMANDS["bias"], pair, [f"s{i}" for i in range(10)], np.arange(10), "age")])
     assert row.margin == pytest.approx(0.04)
     assert (row.verdict, row.at) == ("worse", 4)
 
@@ -98,7 +101,7 @@ def test_the_mean_of_all_ages_of_a_bias_is_that_of_a_coordinate():
     total = np.random.default_rng(1).standard_normal((10, 4)) * 0.01
     change = total + np.array([0.0, 0.3, 0.0, 0.3])  # places times coordinates
     pair = paired(change, np.array([4, 5]), n_coordinates=2, total=(total + 0.5)[:, None], scale_px=0.4)
-    one = Asked(OF, "bias", pair, [f"s{i}" for i in range(10)], np.arange(10), "age")
+    one = Asked(OF, ESTIMANDS["bias"], pair, [f"s{i}" for i in range(10)], np.arange(10), "age")
     (row,) = verdicts([one], ages=ComparedAges.mean)
     assert (row.verdict, row.at, row.coordinate) == ("worse", None, "v")
     assert row.effect == pytest.approx(0.3, abs=0.02)
@@ -110,7 +113,7 @@ def test_a_change_of_the_other_sign_is_placed_from_the_key_frame(axis, place):
     values = np.array([0.6, 0.6, 0.6, -0.3]) + 0.05 * np.random.default_rng(2).standard_normal((10, 4))
     places = np.array([at - 3, at - 2, at - 1, at])
     pair = paired(values, places)
-    (row,) = verdicts([Asked(OF, "core", pair, [f"s{i}" for i in range(10)], np.arange(10), axis)])
+    (row,) = verdicts([Asked(OF, ESTIMANDS["core"], pair, [f"s{i}" for i in range(10)], np.arange(10), axis)])
     assert row.why == f"the change has the opposite sign {place}"
 
 

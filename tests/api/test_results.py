@@ -7,11 +7,10 @@ import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, SUMMARY
 from tracknoise.tables.quantities import QUANTITIES
-from tracknoise.tables.result_rows import results_of, run_results, with_ids
+from tracknoise.tables.result_rows import results_of, with_ids
 from tracknoise.tables.results import IDENTITY, RESULTS
-from tracknoise.tables.schema import check
 from tracknoise.tables.store import RunFolder
-from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.catalogue import EVERY_QUANTITY, RUN_TABLES, run_results
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,7 @@ def test_rows_name_columns_of_their_table(name: str) -> None:
 
 
 def test_every_number_of_a_table_is_a_row_with_its_id(folder: RunFolder) -> None:
-    results = {row["id"]: row["value"] for row in run_results(folder, RUN_TABLES.values()).iter_rows(named=True)}
+    results = {row["id"]: row["value"] for row in run_results(folder).iter_rows(named=True)}
     for name in ("curves", "zero_mean", "time_structure", "window_sigmas", "advice"):
         rows = with_ids(RUN_TABLES[name], folder.statistics(RUN_TABLES[name])).to_dicts()
         numbers = [(row["ids"][key], row[key]) for row in rows for key in row["ids"] if row.get(key) is not None]
@@ -47,7 +46,8 @@ def test_every_number_of_a_table_is_a_row_with_its_id(folder: RunFolder) -> None
 
 
 def test_rows_have_different_ids_that_do_not_depend_on_values(folder: RunFolder) -> None:
-    results = check(run_results(folder, RUN_TABLES.values()), RESULTS, "results")
+    results = run_results(folder)
+    assert results.columns == list(RESULTS)
     assert results["id"].is_unique().all()
     assert results.select(pl.struct(*IDENTITY)).is_unique().all()
     changed = {"core": folder.statistics(CORES).with_columns(pl.col("core_u_px") * 2)}
@@ -58,7 +58,7 @@ def test_rows_have_different_ids_that_do_not_depend_on_values(folder: RunFolder)
 def test_a_number_that_two_tables_have_is_one_row(folder: RunFolder) -> None:
     curve = folder.statistics(CURVES).filter(statistic="Phi", weighting="features", population="visible")
     point = curve.row(0, named=True)
-    rows = run_results(folder, RUN_TABLES.values()).filter(
+    rows = run_results(folder).filter(
         quantity="second_moment",
         aspect="all",
         weighting="features",
@@ -76,7 +76,7 @@ def test_a_number_that_two_tables_have_is_one_row(folder: RunFolder) -> None:
 
 
 def test_findings_name_rows_that_exist_and_hold_their_numbers(folder: RunFolder) -> None:
-    results = {row["id"]: row for row in run_results(folder, RUN_TABLES.values()).iter_rows(named=True)}
+    results = {row["id"]: row for row in run_results(folder).iter_rows(named=True)}
     findings = folder.statistics(FINDINGS)
     with_rows = [row for row in findings.iter_rows(named=True) if row["rows"]]
     assert {"noise", "bias", "lifetimes"} <= {row["topic"] for row in with_rows}
@@ -93,7 +93,7 @@ def test_findings_name_rows_that_exist_and_hold_their_numbers(folder: RunFolder)
 
 
 def test_results_and_findings_are_chosen_by_name(run: tn.Run, folder: RunFolder) -> None:
-    tracker = run_results(folder, RUN_TABLES.values())["tracker"].drop_nulls()[0]
+    tracker = run_results(folder)["tracker"].drop_nulls()[0]
     ratio = run.results(quantity="outlier_ratio", tracker=tracker, speed=1)
     assert ratio["value"].item() == folder.statistics(SUMMARY).filter(tracker=tracker, speed=1)["outlier_ratio"].item()
     about = run.findings(tracker=tracker)
@@ -105,9 +105,14 @@ def test_results_and_findings_are_chosen_by_name(run: tn.Run, folder: RunFolder)
         run.findings(tracker="nobody")
 
 
+def test_a_quantity_is_declared_once() -> None:
+    declared = [*QUANTITIES, *(name for table in RUN_TABLES.values() for name in table.quantities)]
+    assert len(declared) == len(set(declared))
+
+
 def test_every_quantity_says_what_it_estimates() -> None:
     used = {value.quantity for rows in ROWS.values() for value in rows.values}
-    assert used == set(QUANTITIES)
+    assert used == set(EVERY_QUANTITY)
     assert all(
-        quantity.estimand.endswith(".") and len(quantity.estimand.split()) > 2 for quantity in QUANTITIES.values()
+        quantity.estimand.endswith(".") and len(quantity.estimand.split()) > 2 for quantity in EVERY_QUANTITY.values()
     )

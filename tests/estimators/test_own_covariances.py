@@ -18,9 +18,9 @@ from tracknoise.experiments.load import load_experiment
 from tracknoise.report.figures.noise_models import covariance_figures
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS
-from tracknoise.tables.result_rows import results_of, run_results
+from tracknoise.tables.result_rows import results_of
 from tracknoise.tables.store import RunFolder
-from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.catalogue import run_results
 from tracknoise.topics.covariance_topic import COVARIANCES
 
 CLAIMED = {"cov_uu": 0.09 / 4.0, "cov_uv": 0.0, "cov_vv": 0.04 / 4.0}
@@ -47,7 +47,7 @@ def claimed(planted_run: Path, made_once: Callable[[str, Callable[[Path], object
 
 
 def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
-    rows = run_results(claimed, RUN_TABLES.values()).filter(
+    rows = run_results(claimed).filter(
         pl.col("at").is_null(), topic="own covariances", trimming="untrimmed", part="cov"
     )
     found = {(row["quantity"], row["of"]): row for row in rows.to_dicts()}
@@ -59,12 +59,8 @@ def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
     assert held["value"] == pytest.approx(1.0 - 0.05**0.25, abs=0.02)
     assert found["covariance_gain", None]["verdict"] == "yes"  # u and v differ, which one sigma does not say
     again = results_of({OWN_COVARIANCES: claimed.statistics(OWN_COVARIANCES)})
-    assert_frame_equal(
-        again.sort("id"), run_results(claimed, RUN_TABLES.values()).filter(topic="own covariances").sort("id")
-    )
-    by_age = run_results(claimed, RUN_TABLES.values()).filter(
-        quantity="covariance_nees", axis="age", trimming="untrimmed"
-    )
+    assert_frame_equal(again.sort("id"), run_results(claimed).filter(topic="own covariances").sort("id"))
+    by_age = run_results(claimed).filter(quantity="covariance_nees", axis="age", trimming="untrimmed")
     assert by_age["value"].to_list() == pytest.approx([4.0] * by_age.height, rel=0.2)
 
 
@@ -73,7 +69,7 @@ def test_one_finding_says_so(claimed: RunFolder) -> None:
     (text,) = (row["text"].replace("\N{NO-BREAK SPACE}", " ") for row in found)
     assert "imported's own covariances are too small: 95 % regions hold 5" in text
     assert "They would have to be multiplied by 4" in text.replace("by 3.9", "by 4")
-    assert set(found[0]["rows"]) <= set(run_results(claimed, RUN_TABLES.values())["id"])
+    assert set(found[0]["rows"]) <= set(run_results(claimed)["id"])
     assert "multiply by" in found[0]["brief"]
 
 
@@ -81,9 +77,7 @@ def test_the_check_of_the_same_columns_agrees(claimed: RunFolder, capsys) -> Non
     assert check.main(["--own", "cov", "--tracker", "imported", "--on", str(claimed.path)]) == 0
     out = capsys.readouterr().out
     (line,) = (line for line in out.splitlines() if line.startswith("NEES"))
-    rows = run_results(claimed, RUN_TABLES.values()).filter(
-        pl.col("at").is_null(), quantity="covariance_nees", trimming="untrimmed"
-    )
+    rows = run_results(claimed).filter(pl.col("at").is_null(), quantity="covariance_nees", trimming="untrimmed")
     assert f"{rows['value'].item():.2f}" in line
 
 

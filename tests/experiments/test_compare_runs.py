@@ -10,13 +10,14 @@ from tests.report.synthetic import World, write_run
 
 import tracknoise
 from tracknoise.analysis.gate import Gate
-from tracknoise.analysis.run_changes import ESTIMANDS, verdicts
+from tracknoise.analysis.run_changes import verdicts
 from tracknoise.exceptions import SettingsError, StoreError, UnknownNameError
 from tracknoise.experiments.compare_runs import OpenedRun, questions
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
 from tracknoise.tables.files import digest
 from tracknoise.tables.schema import ORIGIN, WINDOW_NOISE
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.catalogue import ESTIMANDS
 
 SCENES = tuple(f"scene-{number}" for number in range(8))
 BASE = {"scenes": SCENES, "speeds": (1,), "n_frames": 14, "born": 25, "min_features": 20, "trackers": ("lk", "other")}

@@ -6,6 +6,7 @@ import pytest
 
 from tracknoise.analysis.gate import read_gate
 from tracknoise.exceptions import TracknoiseError
+from tracknoise.topics.catalogue import ESTIMANDS
 
 
 def write(tmp_path, text):
@@ -16,13 +17,13 @@ def write(tmp_path, text):
 
 def test_a_gate(tmp_path):
     text = 'level = 0.9\nages = "mean"\ntrackers = ["lk"]\nspeeds = [1, 2]\n[tolerances]\ncore = 0.1\nbias = 1\n'
-    gate = read_gate(write(tmp_path, text))
+    gate = read_gate(write(tmp_path, text), ESTIMANDS)
     assert gate.tolerances == {"core": 0.1, "bias": 1.0}
     assert (gate.level, gate.ages, gate.trackers, gate.speeds) == (0.9, "mean", ("lk",), (1, 2))
 
 
 def test_defaults(tmp_path):
-    gate = read_gate(write(tmp_path, "[tolerances]\ncore = 0.1\n"))
+    gate = read_gate(write(tmp_path, "[tolerances]\ncore = 0.1\n"), ESTIMANDS)
     assert (gate.level, gate.ages, gate.trackers, gate.speeds) == (0.95, "every", None, None)
     assert gate.poses is None
 
@@ -59,17 +60,17 @@ def test_defaults(tmp_path):
 )
 def test_mistakes(tmp_path, text, message):
     with pytest.raises(TracknoiseError, match=message):
-        read_gate(write(tmp_path, text))
+        read_gate(write(tmp_path, text), ESTIMANDS)
 
 
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(TracknoiseError, match="cannot be read"):
-        read_gate(tmp_path / "none.toml")
+        read_gate(tmp_path / "none.toml", ESTIMANDS)
     with pytest.raises(TracknoiseError, match="cannot be read"):
-        read_gate(tmp_path)
+        read_gate(tmp_path, ESTIMANDS)
     (tmp_path / "bytes.toml").write_bytes(b"\xff\xfe")
     with pytest.raises(TracknoiseError, match="expected TOML"):
-        read_gate(tmp_path / "bytes.toml")
+        read_gate(tmp_path / "bytes.toml", ESTIMANDS)
     os.mkfifo(tmp_path / "pipe.toml")
     with pytest.raises(TracknoiseError, match="not a regular file"):
-        read_gate(tmp_path / "pipe.toml")
+        read_gate(tmp_path / "pipe.toml", ESTIMANDS)

@@ -27,25 +27,27 @@ from tracknoise.report.comparison_page import (
     where_words,
 )
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges
+from tracknoise.topics.catalogue import ESTIMANDS
 
 OF = Compared("after", "lk", "lk", "simulated", "default", 0, "forward", "", 1)
 CORE = Row(
-    OF, "core", ChangeVerdict.worse, None, effect=1.21, low=1.1, high=1.33, margin=1.1, at=7, coordinate="v", at_low=1,
-    at_high=9, axis="age", horizon=None, p_change=1e-3, p_adjusted=2e-3, p_none=0.9, n_scenes=8, resampled="scenes",
-    scenes={"one": 1.2, "two": 1.3},
+    OF, ESTIMANDS["core"], ChangeVerdict.worse, None, effect=1.21, low=1.1, high=1.33, margin=1.1, at=7, coordinate="v",
+    at_low=1, at_high=9, axis="age", horizon=None, p_change=1e-3, p_adjusted=2e-3, p_none=0.9, n_scenes=8,
+    resampled="scenes", scenes={"one": 1.2, "two": 1.3},
 )  # fmt: skip
 LIFETIME = replace(
-    CORE, statistic="lifetime", verdict=ChangeVerdict.none, effect=0.98, low=0.96, high=1.01, at=None, coordinate=None
-)
+    CORE, estimand=ESTIMANDS["lifetime"], verdict=ChangeVerdict.none, effect=0.98, low=0.96, high=1.01, at=None,
+    coordinate=None,
+)  # fmt: skip
 OPEN = replace(
-    LIFETIME, statistic="outlier_ratio", verdict=ChangeVerdict.undecided, why="too few", effect=None, low=None,
-    high=None, scenes={},
+    LIFETIME, estimand=ESTIMANDS["outlier_ratio"], verdict=ChangeVerdict.undecided, why="too few", effect=None,
+    low=None, high=None, scenes={},
 )  # fmt: skip
 GATE = GateResult(
     "worse",
     (
-        GateRow(OF, "core", 0.1, "worse", None, 1.21, 1.1, 1.33),
-        GateRow(OF, "bias", 0.02, "undecided", "the interval contains the tolerance", 0.01, -0.02, 0.04),
+        GateRow(OF, ESTIMANDS["core"], 0.1, "worse", None, 1.21, 1.1, 1.33),
+        GateRow(OF, ESTIMANDS["bias"], 0.02, "undecided", "the interval contains the tolerance", 0.01, -0.02, 0.04),
     ),
     ("after could not measure scene-3.",),
 )
@@ -63,8 +65,8 @@ def comparison(*rows, gate=None, name="after"):
     [
         (CORE, "+21 % (+10 to +33)"),
         (replace(CORE, effect=4.7, low=3.9, high=5.6), "factor 4.70 (3.90 to 5.60)"),
-        (replace(CORE, statistic="bias", effect=-0.05, low=-0.1, high=0.0), "−0.050 px (−0.100 to 0)"),
-        (replace(CORE, statistic="tap_delta_avg", effect=0.012, low=-0.003, high=0.027),
+        (replace(CORE, estimand=ESTIMANDS["bias"], effect=-0.05, low=-0.1, high=0.0), "−0.050 px (−0.100 to 0)"),
+        (replace(CORE, estimand=ESTIMANDS["tap_delta_avg"], effect=0.012, low=-0.003, high=0.027),
          "+1.2 percentage points (−0.3 to +2.7)"),
         (OPEN, "–"),
         (replace(OPEN, effect=1.21), "+21 %"),
@@ -187,6 +189,7 @@ def test_the_document_has_every_row_and_what_it_estimates():
 
     found = json.loads(comparison_json(comparison(gate=GATE)))
     assert [row["verdict"] for row in found["rows"]] == ["worse", "no difference", "undecided"]
+    assert [row["statistic"] for row in found["rows"]] == ["core", "lifetime", "outlier_ratio"]
     assert found["rows"][0]["scenes"] == {"one": 1.2, "two": 1.3}
     assert found["estimands"]["lifetime"]["larger_is_better"]
     assert found["gate"]["outcome"] == "worse"

@@ -56,6 +56,8 @@ def observed(*more: tuple[str, type[pl.DataType]]) -> pl.DataFrame:
     return pl.DataFrame(schema={**schema.OBSERVATIONS, **dict(more)})
 
 
+AFTER = len(schema.OBSERVATIONS)
+"""Number of the first column after those that all observations have."""
 COVARIANCE = [(name, pl.Float64) for name in ("cov_true_uu", "cov_true_uv", "cov_true_vv")]
 
 
@@ -77,17 +79,17 @@ def test_observations_may_have_quality_and_true_covariances_at_their_end(more) -
 @pytest.mark.parametrize(
     ("more", "message"),
     [
-        ([("quality_sure", pl.Float64)], "column 19 is quality_sure: Float64, expected quality_sure: Float32"),
+        ([("quality_sure", pl.Float64)], f"column {AFTER} is quality_sure: Float64, expected quality_sure: Float32"),
         (
             [("quality_b", pl.Float32), ("quality_a", pl.Float32)],
-            "column 19 is quality_b: Float32, expected quality_a: Float32",
+            f"column {AFTER} is quality_b: Float32, expected quality_a: Float32",
         ),
         ([("quality_Sure", pl.Float32)], "unexpected column 'quality_Sure'"),
         ([("sure", pl.Float32)], "unexpected column 'sure'"),
-        (COVARIANCE[:2], "column 21 is nothing, expected cov_true_vv: Float64"),
+        (COVARIANCE[:2], f"column {AFTER + 2} is nothing, expected cov_true_vv: Float64"),
         (
             [("quality_a", pl.Float32), *COVARIANCE],
-            "column 19 is quality_a: Float32, expected cov_true_uu: Float64",
+            f"column {AFTER} is quality_a: Float32, expected cov_true_uu: Float64",
         ),
     ],
 )

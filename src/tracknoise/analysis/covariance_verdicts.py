@@ -30,7 +30,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import INTERVAL_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
 from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS, TRIMMING, VERDICT
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -55,7 +55,7 @@ def _own_covariances() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N | same("verdict"), of=None)
     keys = {**OF_CONDITION, **same("trimming", "axis", "at"), "part": "covariance"}
-    return Rows(ResultTopic.own_covariances, keys, values)
+    return Rows("own covariances", keys, values)
 
 
 OWN_COVARIANCES = RunTable(
@@ -74,6 +74,41 @@ OWN_COVARIANCES = RunTable(
     },
     _own_covariances(),
     title="whether trackers' own covariances are right",
+    quantities={
+        "covariance_coverage": Quantity(
+            "share", "Share of the errors inside the region of a level that the tracker's own covariances claim."
+        ),
+        "covariance_nees": Quantity(
+            "1",
+            "Mean of the squared Mahalanobis distance over 2. Of all ages together, the factor by which the tracker's "
+            "own covariances would have to be multiplied; the verdict says whether they are right in size.",
+        ),
+        "covariance_shape": Quantity(
+            "1",
+            "Size of errors whitened by the tracker's own covariances, along one axis over that across it, in axes of "
+            "the image, of the covariances, or of the motion, and in axes turned by 45 degrees. The worst has the "
+            "verdict.",
+        ),
+        "covariance_elongation": Quantity(
+            "1", "Mean difference of the eigenvalues of the tracker's own covariances over their sum: 0 for circles."
+        ),
+        "covariance_fourth_moment": Quantity(
+            "1", "Fourth moment of the Mahalanobis distance over that of Gaussian errors with the same second moment."
+        ),
+        "covariance_ranking": Quantity(
+            "1",
+            "Mean length of errors that the tracker's own covariances predict to be large, over that of the others. "
+            "The verdict says whether they tell which errors are large.",
+        ),
+        "covariance_gain": Quantity(
+            "nat",
+            "Gain of the tracker's own covariances, times one factor, over one sigma for all, per error. Both are "
+            "fitted to other scenes. The verdict says whether they describe errors better.",
+        ),
+        "impossible_covariances": Quantity(
+            "share", "Share of the tracker's own covariances that are not positive definite."
+        ),
+    },
 )
 """Whether covariances that a tracker predicts are right: see `tracknoise.analysis.covariance_verdicts`.
 

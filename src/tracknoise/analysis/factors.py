@@ -49,6 +49,7 @@ from tracknoise.analysis.paired_tests import (
     DISAGREE,
     N_DRAWS,
     Answer,
+    Family,
     Question,
     Unit,
     answer,
@@ -67,8 +68,8 @@ from tracknoise.statistics.grouping import Condition
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
-from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
+from tracknoise.tables.quantities import Quantity
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
 from tracknoise.words import STATISTICS, only
 
@@ -89,7 +90,7 @@ def _factors() -> Rows:
         Value("effect_horizon", "horizon"),
     ]
     keys = {**OF_CONDITION, **same("factor", "axis", "coordinate", "at"), "of": "statistic"}
-    return Rows(ResultTopic.factors, keys, values)
+    return Rows("factors", keys, values)
 
 
 DEPENDENCE = RunTable(
@@ -117,6 +118,21 @@ DEPENDENCE = RunTable(
     },
     _factors(),
     title="verdicts on factors, with intervals",
+    verdicts=ALL_ROWS,
+    quantities={
+        "effect": Quantity(
+            None, "Largest difference that a factor makes, paired within scenes: a ratio, or px for means."
+        ),
+        "effect_bound": Quantity(None, "Upper bound of the difference of any two levels at any age."),
+        "effect_margin": Quantity(None, "Effect above which a factor matters."),
+        "effect_p": Quantity(
+            "1", "p-value: yes (no difference exceeds the margin) and no (some difference is at least the margin)."
+        ),
+        "effect_q": Quantity(
+            "1", "The same adjusted for the other questions of its family, and for the other cells of the factor."
+        ),
+        "effect_horizon": Quantity("frames", "Horizon to which lifetimes are restricted."),
+    },
 )
 """Does a factor change a statistic: one row per factor, condition that was held, and statistic.
 
@@ -152,16 +168,11 @@ ROLES: Mapping[str, str] = {name: role for name, role in _ROLES.items() if role 
 RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
 LEAST_TRACKERS = 3
-_OTHERS = "others"
-_FAMILIES: Mapping[str, str] = {
-    **dict.fromkeys(("core", "second", "second_moment", "consistent_sigma"), "sizes"),
-    **dict.fromkeys(("lifetime", "outlier_ratio"), "ends"),
+_FAMILIES: Mapping[str, Family] = {
+    **dict.fromkeys((CORE, "second"), Family.sizes),
+    **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
 }
-
-
-def family(statistic: str) -> str:
-    """Family of questions that a statistic, or a role of one, belongs to: `sizes`, `ends` or `others`."""
-    return _FAMILIES.get(ROLES.get(statistic, statistic), _OTHERS)
+"""Families of roles; those of all others are `others`."""
 
 
 _LEFT_OUT = "central"
@@ -384,7 +395,7 @@ def _unit(role: str) -> Unit:
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     cell = ("dataset", "factor", *CONDITION, "pair")
-    of_cell = _numbers([(*map(row.get, cell), family(row["statistic"])) for row in rows])
+    of_cell = _numbers([(*map(row.get, cell), _FAMILIES.get(ROLES[row["statistic"]], Family.others)) for row in rows])
     of_statistic = _numbers([tuple(row[name] for name in ("dataset", "factor", "statistic")) for row in rows])
     p_yes, p_no = ([row.get(name) for row in rows] for name in ("p_yes", "p_no"))
     q_yes = in_families(benjamini_hochberg, in_families(hochberg, p_yes, of_cell), of_statistic)
@@ -511,7 +522,7 @@ RANKS = RunTable(
         "why": pl.String,
     },
     Rows(
-        ResultTopic.ranks,
+        "ranks",
         {**OF_CONDITION, "axis": "axis", "of": "statistic"},
         [
             *(
@@ -521,6 +532,10 @@ RANKS = RunTable(
             Value("rank_count", "n_trackers"),
         ],
     ),
+    quantities={
+        "rank": Quantity("1", "Best and worst rank among trackers, by a statistic, by shown differences."),
+        "rank_count": Quantity("1", "Number of trackers that were ranked."),
+    },
 )
 """Ranks of trackers at the lowest speed, one row per statistic and tracker, where three or more are compared.
 

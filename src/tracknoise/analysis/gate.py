@@ -9,7 +9,7 @@ A gate tests each tolerance in the direction of a change for the worse only:
 The gate passes if every row does, so that no correction is needed for a pass.
 """
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from tracknoise.analysis.paired_tests import Unit, is_below, is_beyond
-from tracknoise.analysis.run_changes import ESTIMANDS, UNSURE, Asked, Compared, GateResult, GateRow, Tested
+from tracknoise.analysis.run_changes import UNSURE, Asked, Compared, GateResult, GateRow, Tested
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
@@ -86,7 +86,7 @@ def _row(gate: Gate, tested: Tested, beyond: float) -> GateRow:
     asked, columns = tested.asked, tested.columns()
     outcome, why = _answer(gate, tested, beyond)
     effect, low, high = (columns[name] for name in ("effect", "low", "high"))
-    return GateRow(asked.of, asked.statistic, gate.tolerances[asked.statistic], outcome, why, effect, low, high)
+    return GateRow(asked.of, asked.estimand, gate.tolerances[asked.statistic], outcome, why, effect, low, high)
 
 
 def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]:
@@ -180,7 +180,7 @@ _KEYS: Mapping[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
 """What else a gate may have: expected values, whether one is right, and how `Gate` has it."""
 
 
-def read_gate(path: Path) -> Gate:
+def read_gate(path: Path, statistics: Collection[str]) -> Gate:
     """Read and check a gate.
 
     Parameters
@@ -188,6 +188,8 @@ def read_gate(path: Path) -> Gate:
     path
         A TOML file with a table ``tolerances``, and optionally ``trackers``, ``speeds``, ``level``, ``ages`` and
         ``poses``.
+    statistics
+        Names that may have a tolerance.
 
     Raises
     ------
@@ -195,7 +197,7 @@ def read_gate(path: Path) -> Gate:
         If it cannot be read, or a key or value is wrong.
     """
     found = dict(_loaded(path))
-    tolerances = _tolerances(path, found.pop("tolerances", {}))
+    tolerances = _tolerances(path, found.pop("tolerances", {}), statistics)
     for key, value in found.items():
         if key not in _KEYS:
             raise UnknownNameError(f"key in {path}", key, ("tolerances", *_KEYS))
@@ -216,14 +218,14 @@ def _loaded(path: Path) -> Mapping[str, Any]:
         raise SettingsError(f"{path}: {found}, expected {kind}") from error
 
 
-def _tolerances(path: Path, found: object) -> dict[str, float]:
+def _tolerances(path: Path, found: object, statistics: Collection[str]) -> dict[str, float]:
     if not isinstance(found, dict) or not found:
         raise SettingsError(f"{path}: tolerances: found {found!r}, expected a table with at least one statistic")
     for name, value in found.items():
         if name in _RENAMED:
             raise SettingsError(f"{path}: tolerances: found the former name {name!r}, expected {_RENAMED[name]}")
-        if name not in ESTIMANDS:
-            raise UnknownNameError(f"statistic in {path}", name, ESTIMANDS)
+        if name not in statistics:
+            raise UnknownNameError(f"statistic in {path}", name, statistics)
         if not _is_number(value) or not 0 < value <= _MOST:
             raise SettingsError(f"{path}: tolerances.{name}: found {value!r}, expected more than 0, at most {_MOST}")
     return {name: float(value) for name, value in found.items()}

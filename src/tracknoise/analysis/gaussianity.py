@@ -69,8 +69,8 @@ from tracknoise.statistics.samples import first_tracks, with_bands
 from tracknoise.tables.defaults import MIN_FEATURES
 from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
-from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.quantities import Quantity
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import SPACE, format_as, listing, number, thousandths
@@ -103,7 +103,7 @@ def _shape() -> Rows:
         Value("errors_sampled", "n_sampled"),
     ]
     keys = {**OF_CONDITION, "trimming": "trimming", "at_low": "age_low", "at_high": "age_high"}
-    return Rows(ResultTopic.shape, keys, values)
+    return Rows("shape", keys, values)
 
 
 GAUSSIANITY = RunTable(
@@ -140,6 +140,19 @@ GAUSSIANITY = RunTable(
     },
     _shape(),
     title="shape of the error distribution",
+    verdicts=ALL_ROWS,
+    quantities={
+        "shape": Quantity("1", "Verdict on the distribution of the errors, each scene standardised."),
+        "skewness": Quantity("1", "Mardia's b1, 0 for a Gaussian."),
+        "kurtosis": Quantity("1", "Mardia's b2, 8 for a Gaussian in two dimensions."),
+        "tail_ratio": Quantity("1", "Share of errors beyond an ellipse, over that of a Gaussian."),
+        "gain": Quantity("nat", "Held-out log-likelihood per error over a Gaussian."),
+        "student_nu": Quantity("1", "Degrees of freedom of the fitted Student's t."),
+        "student_scale": Quantity("px", "Scale of one coordinate of the fitted Student's t."),
+        "mixture_share": Quantity("share", "Share of the wider component of the fitted mixture."),
+        "mixture_ratio": Quantity("1", "Covariance of the wider component over that of the narrower one."),
+        "errors_sampled": Quantity("1", "Number of errors that densities were fitted to."),
+    },
 )
 """Are errors Gaussian: one row per band of ages (or of distances from the key frame) of a condition.
 
@@ -162,7 +175,7 @@ def _radii() -> Rows:
         "at_high": "age_high",
         "part_low": "probability",
     }
-    return Rows(ResultTopic.radii, keys, values)
+    return Rows("radii", keys, values)
 
 
 RADII = RunTable(
@@ -175,6 +188,11 @@ RADII = RunTable(
         **dict.fromkeys(("probability", "expected", "observed"), pl.Float64),
     },
     _radii(),
+    quantities={
+        "radius": Quantity(
+            "1", "Quantile of the Mahalanobis distance: of a Gaussian (expected) and of the errors (observed)."
+        ),
+    },
 )
 """Radial QQ plot: quantiles of the Mahalanobis distance, observed and of a Gaussian of the same covariance."""
 

@@ -32,7 +32,7 @@ from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.lifetimes import RESTRICTED
 from tracknoise.statistics.prepared import block_of
 from tracknoise.tables.findings_schema import CAUSE, INTERVAL_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED, OF_CONDITION, RunTable, one_number
 from tracknoise.tables.schema import BY_CAUSE, CAUSES, ENDS, FAILURES, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -46,13 +46,9 @@ INCIDENCE = RunTable(
         "incidence": pl.Float64,
         **INTERVAL_COLUMNS,
     },
-    one_number(
-        ResultTopic.causes,
-        "incidence",
-        "incidence",
-        {**OF_CONDITION, "part": "cause", "at": "lifetime"},
-        ESTIMATED,
-    ),
+    one_number("causes", "incidence", "incidence", {**OF_CONDITION, "part": "cause", "at": "lifetime"}, ESTIMATED),
+    quantities={"incidence": Quantity("share", "Share of all tracks that a cause has ended up to this lifetime.")},
+    without_truth=True,
 )
 """Share of all tracks that have ended by a cause up to and including a lifetime: one row per cause and lifetime.
 

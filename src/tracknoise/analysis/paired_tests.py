@@ -96,6 +96,14 @@ class Unit(StrEnum):
         return math.nan if scale_px is None else margin * scale_px
 
 
+class Family(StrEnum):
+    """Questions that are corrected together: about sizes of errors, about ends of tracks, or about all else."""
+
+    sizes = "sizes"
+    ends = "ends"
+    others = "others"
+
+
 @dataclass(frozen=True, slots=True)
 class Question:
     """What is asked of all differences."""

@@ -24,7 +24,7 @@ from tracknoise.statistics.definitions import NEAR_EDGE_PX, POOLED
 from tracknoise.statistics.grouping import Tables, by_condition, group_rows
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import (
     ESTIMATED_OF_N,
     OF_CLASS,
@@ -56,11 +56,12 @@ SURROUNDING_ERRORS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     Rows(
-        ResultTopic.surroundings,
+        "surroundings",
         {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate"), "of": "statistic"},
         [Value("surrounding", "value", carried=ESTIMATED_OF_N | {"unit": "unit"})],
         packed={"part": ("surrounding", "class")},
     ),
+    quantities={"surrounding": Quantity(None, "Untrimmed errors by what surrounds a feature.")},
 )
 """Untrimmed errors by what surrounds a feature: one row per property, class, age, coordinate and statistic.
 
@@ -87,7 +88,7 @@ def _image() -> Rows:
         ),
     ]
     keys = {**OF_CONDITION, **same("axis", "at")}
-    return Rows(ResultTopic.image, keys, values, packed={"part": ("row", "column")})
+    return Rows("image", keys, values, packed={"part": ("row", "column")})
 
 
 IMAGE_CELLS = RunTable(
@@ -105,6 +106,10 @@ IMAGE_CELLS = RunTable(
         **{name: dtype for name, dtype in INTERVAL_COLUMNS.items() if name not in ("low", "high")},
     },
     _image(),
+    quantities={
+        "image_mean": Quantity("px", "Mean error in a cell of the image."),
+        "image_spread": Quantity("px", "Standard deviation of one coordinate in a cell of the image."),
+    },
 )
 """Mean of visible, untrimmed errors in each cell of the image, 20 columns x 14 rows, counted from the top left.
 
@@ -126,12 +131,13 @@ SPEED_ERRORS = RunTable(
         **INTERVAL_COLUMNS,
     },
     one_number(
-        ResultTopic.image_speeds,
+        "image speeds",
         "image_speed_mean",
         "mean_px",
         {**OF_CONDITION, **OF_CLASS, **same("axis", "at", "coordinate")},
         ESTIMATED_OF_N,
     ),
+    quantities={"image_speed_mean": Quantity("px", "Mean error along and across the image motion, by its speed.")},
 )
 """Mean of visible, untrimmed errors along and across the image motion, by its speed: class_low to class_high px/frame.
 

@@ -8,7 +8,7 @@ from tracknoise.inference.intervals import Method, column_means, pooled
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
-from tracknoise.tables.quantities import QUANTITIES, ComparedBy, ResultTopic
+from tracknoise.tables.quantities import QUANTITIES, ComparedBy, Quantity
 from tracknoise.tables.quantities import RATIOS as NAMES_OF_RATIOS
 from tracknoise.tables.run_table import ESTIMATED, ESTIMATED_OF_N, OF_CONDITION, Rows, RunTable, Value, one_number, same
 from tracknoise.tables.schema import ORIGIN, POINT_TRACKING, RATIOS, TRIMMING
@@ -23,13 +23,12 @@ POINT_TRACKING_METRICS = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        ResultTopic.point_tracking,
-        "point_tracking",
-        "value",
-        {**OF_CONDITION, "part": "raster", "of": "metric"},
-        ESTIMATED,
+        "point tracking", "point_tracking", "value", {**OF_CONDITION, "part": "raster", "of": "metric"}, ESTIMATED
     ),
     title="metrics of TAP-Vid and expected feature age",
+    quantities={
+        "point_tracking": Quantity("share", "Metrics of TAP-Vid and expected feature age: means over sequences.")
+    },
 )
 """Metrics of TAP-Vid and expected feature age: means over sequences, as benchmarks report them.
 
@@ -48,7 +47,7 @@ RATIO_VALUES = RunTable(
         **ESTIMATE_COLUMNS,
     },
     Rows(
-        ResultTopic.ratios,
+        "ratios",
         {**OF_CONDITION, **same("trimming", "axis", "at")},
         [Value(name, "value", {}, {"quantity": name}, ESTIMATED_OF_N) for name in NAMES_OF_RATIOS],
     ),

@@ -22,14 +22,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.analysis.factors import family
+from tracknoise.analysis.estimand import Estimand
 from tracknoise.analysis.paired_tests import (
     AT_LEAST,
     DISAGREE,
     FALLS,
     GROWS,
     Change,
-    Unit,
     ask,
     change,
     decided,
@@ -43,111 +42,20 @@ from tracknoise.inference.paired_differences import Differences
 from tracknoise.inference.units import MIN_SCENES, Resampled
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges, Verdict
-from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import only, place
 
 
-@dataclass(frozen=True, slots=True)
-class Estimand:
-    """One statistic: its title, what is estimated, the unit of an effect, and which value is better."""
-
-    title: str
-    meaning: str
-    unit: Unit = Unit.ratio
-    larger_is_better: bool = False
-
-
-_MEAN = "geometric mean over scenes, ages (or frames) and both coordinates"
-_TAP = "as TAP-Vid defines it for images of 256 x 256 pixels, mean over scenes"
-
-ESTIMANDS: Mapping[str, Estimand] = {
-    "core": Estimand("core of the errors", f"Robust standard deviation of the errors of a scene: {_MEAN}."),
-    "second_moment": Estimand("second moment", f"Second moment of all errors about zero, untrimmed: {_MEAN}."),
-    "bias": Estimand(
-        "bias",
-        "Size of the mean error in u or v, mean over scenes, at the age (or frame) that changed most clearly.",
-        Unit.px,
-    ),
-    "tails": Estimand(
-        "tails",
-        "Share of the errors of a scene that are larger than three cores of their age, all ages together: geometric "
-        "mean over scenes and both coordinates.",
-    ),
-    "growth": Estimand(
-        "growth",
-        "Factor by which the second moment grows from the youngest to the oldest age, by a straight line through "
-        "logarithms: geometric mean over scenes and both coordinates.",
-    ),
-    "outlier_ratio": Estimand(
-        "outlier ratio", "Features rejected as outliers, divided by features offered: geometric mean over scenes."
-    ),
-    "lifetime": Estimand(
-        "lifetime",
-        "Restricted mean lifetime to a horizon that all scenes reach in both runs: geometric mean over scenes.",
-        larger_is_better=True,
-    ),
-    "feature_count": Estimand(
-        "feature count", "Mean number of features per frame: geometric mean over scenes.", larger_is_better=True
-    ),
-    "consistent_sigma": Estimand(
-        "sigma for depths",
-        "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
-        "enough scenes of both runs have: geometric mean over scenes.",
-    ),
-    "residual_sigma": Estimand(
-        "residual core",
-        "Residual core of windows of observations: geometric mean over scenes and lengths of windows.",
-    ),
-    "overconfidence": Estimand(
-        "overconfidence",
-        "Consistent sigma of windows, divided by their residual core: geometric mean over scenes and lengths.",
-    ),
-    "tap_delta_avg": Estimand("position accuracy (TAP)", f"Delta average, {_TAP}.", Unit.share, larger_is_better=True),
-    "tap_delta_avg_reported": Estimand(
-        "accuracy of reported positions",
-        f"Delta average of the positions that are reported as visible, {_TAP}.",
-        Unit.share,
-        larger_is_better=True,
-    ),
-    "tap_average_jaccard": Estimand(
-        "average Jaccard (TAP)", f"Average Jaccard, {_TAP}.", Unit.share, larger_is_better=True
-    ),
-    "tap_occlusion_accuracy": Estimand(
-        "occlusion accuracy (TAP)", f"Occlusion accuracy, {_TAP}.", Unit.share, larger_is_better=True
-    ),
-    "expected_feature_age": Estimand(
-        "expected feature age",
-        "Share of its visible time for which a point is tracked, in images of 256 x 256 pixels, mean over scenes.",
-        Unit.share,
-        larger_is_better=True,
-    ),
-    **{
-        name: Estimand(
-            QUANTITIES[name].title.lower(),
-            f"{QUANTITIES[name].estimand} Untrimmed, mean over scenes and ages.",
-            Unit.ratio if QUANTITIES[name].compared == ComparedBy.ratio else Unit.share,
-            larger_is_better=QUANTITIES[name].better == Better.larger,
-        )
-        for name in RATIOS
-        if QUANTITIES[name].compared != ComparedBy.none
-    },
-}
-"""By name, in the order in which they are reported."""
-OF_ERRORS = ("core", "second_moment", "bias", "tails", "growth", *RATIOS)
-"""Statistics of errors. Without meaning where true positions are fitted to the tracks."""
-
-
-class OfStatistic:
-    """Anything about one of the `ESTIMANDS`, which `statistic` names."""
+class OfEstimand:
+    """Anything about one statistic."""
 
     __slots__ = ()
-    statistic: str
+    estimand: Estimand
 
     @property
-    def estimand(self) -> Estimand:
-        """What is estimated."""
-        return ESTIMANDS[self.statistic]
+    def statistic(self) -> str:
+        """Its name."""
+        return self.estimand.name
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,11 +74,11 @@ class Compared:
 
 
 @dataclass(frozen=True, slots=True)
-class Row(OfStatistic):
+class Row(OfEstimand):
     """One statistic of one condition."""
 
     of: Compared
-    statistic: str  # a key of `ESTIMANDS`
+    estimand: Estimand
     verdict: ChangeVerdict
     why: str | None  # why the verdict is undecided, or what else is to be known of it
     # the second run over, or minus, the first in the unit of the estimand, and its interval; None without data
@@ -206,11 +114,11 @@ class RunSide:
 
 
 @dataclass(frozen=True, slots=True)
-class GateRow(OfStatistic):
+class GateRow(OfEstimand):
     """Outcome of one tolerance in one condition."""
 
     of: Compared
-    statistic: str
+    estimand: Estimand
     tolerance: float  # largest change for the worse that passes: relative for ratios, otherwise in the unit
     outcome: str  # ``pass``, ``worse`` or ``undecided``
     why: str | None  # reason of an undecided outcome
@@ -241,6 +149,11 @@ class Comparison:
     gate: GateResult | None = None  # outcome of the gate, if there was one
 
     @property
+    def estimands(self) -> Mapping[str, Estimand]:
+        """Every statistic that occurs, by name."""
+        return {row.statistic: row.estimand for row in self.rows}
+
+    @property
     def doubts(self) -> tuple[str, ...]:
         """What is said of the truth of each run whose truth is not trusted, or of which this is unknown."""
         sides = (self.first, *self.others)
@@ -259,10 +172,21 @@ def comparison_json(comparison: Comparison) -> str:
         An object with `format`, the fields of `Comparison`, and `estimands`: title, meaning and unit of every statistic
         that occurs. What is missing is null.
     """
-    statistics = {row.statistic for row in comparison.rows}
-    estimands = {name: asdict(estimand) for name, estimand in ESTIMANDS.items() if name in statistics}
-    document: dict[str, Any] = {"format": FORMAT, **asdict(comparison), "estimands": estimands}
+    estimands = {
+        name: {part: getattr(estimand, part) for part in ("title", "meaning", "unit", "larger_is_better")}
+        for name, estimand in comparison.estimands.items()
+    }
+    document: dict[str, Any] = {
+        "format": FORMAT,
+        **asdict(comparison, dict_factory=_with_statistics),
+        "estimands": estimands,
+    }
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _with_statistics(fields: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Fields of a dataclass, with the name of the statistic in place of the estimand."""
+    return dict(("statistic", value["name"]) if name == "estimand" else (name, value) for name, value in fields)
 
 
 def place_words(axis: str, at: int) -> str:
@@ -275,11 +199,11 @@ UNSURE = "a larger change cannot be excluded at each age and coordinate"
 
 
 @dataclass(frozen=True, slots=True)
-class Asked(OfStatistic):
+class Asked(OfEstimand):
     """A statistic of a condition in two runs."""
 
     of: Compared
-    statistic: str  # a key of `ESTIMANDS`
+    estimand: Estimand
     values: Differences  # second run minus first run
     scenes: Sequence[str]  # their names
     group: NDArray[np.intp]  # (scenes,): number of the group of each scene
@@ -415,7 +339,7 @@ def verdicts(
     p_change = [None if one.found is None else one.found.p_change for one in tested]
     p_none = [None if one.found is None else one.found.p_none for one in tested]
     statistics = [one.statistic for one in asked]
-    adjusted = in_families(holm, p_change, [family(name) for name in statistics])
+    adjusted = in_families(holm, p_change, [one.estimand.family for one in asked])
     q_none = in_families(benjamini_hochberg, p_none, statistics)
     rows = []
     for number, (one, tests) in enumerate(zip(asked, tested, strict=True)):
@@ -426,5 +350,5 @@ def verdicts(
             "p_adjusted": known(adjusted[number]),
             "p_none": p_none[number],
         }
-        rows.append(Row(one.of, one.statistic, verdict, why, **numbers, **tests.columns()))
+        rows.append(Row(one.of, one.estimand, verdict, why, **numbers, **tests.columns()))
     return rows

@@ -229,8 +229,6 @@ def _upright(values: NDArray[np.float64], key: Condition, role: str) -> NDArray[
     return values
 
 
-OF_EVENTS = ("lifetime", "outlier_ratio")
-"""Statistics of tracks and frames, which have no errors."""
 LEAST_OUTLIERS = 2.0
 SCARCE = 5.0
 _FEW = "too few outliers for an upper bound"

@@ -26,7 +26,7 @@ from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.statistics.grouping import Tables
 from tracknoise.statistics.lifetimes import RESTRICTED
 from tracknoise.tables.findings_schema import INTERVALS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.schema import check, empty
@@ -43,7 +43,7 @@ def _seeds() -> Rows:
         **same("population", "trimming", "weighting", "axis", "at", "coordinate"),
         "of": "statistic",
     }
-    return Rows(ResultTopic.seeds, keys, values)
+    return Rows("seeds", keys, values)
 
 
 SEED_SPREAD = RunTable(
@@ -61,6 +61,12 @@ SEED_SPREAD = RunTable(
     },
     _seeds(),
     title="differences between random seeds",
+    quantities={
+        "seed_spread": Quantity(None, "Standard deviation between random seeds of the tracker."),
+        "seed_mean": Quantity(None, "Mean over random seeds of the tracker."),
+        "seeds": Quantity("1", "Number of random seeds."),
+    },
+    without_truth=True,
 )
 """How much a number differs between random seeds of the trackers, in its own unit.
 

@@ -62,8 +62,8 @@ from tracknoise.statistics.grouping import (
 from tracknoise.tables.defaults import MARGIN, MIN_FEATURES
 from tracknoise.tables.enumerations import Aspect, Behaviour, Verdict, Weighting
 from tracknoise.tables.findings_schema import BEHAVIOUR, INTERVAL_KIND, RESAMPLED
-from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
+from tracknoise.tables.quantities import Quantity
+from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Constants, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import (
     ASPECT_BLOCKS,
     ASPECTS,
@@ -113,7 +113,7 @@ def _growth() -> Rows:
         column = "autocorrelation" if lag == 1 else f"autocorrelation_{lag}"
         values.append(bounded("autocorrelation", column, {"axis": "lag", "at": lag}, kind="autocorrelation_kind"))
     keys = {**OF_CONDITION, **same("trimming", "coordinate")}
-    return Rows(ResultTopic.growth, keys, values)
+    return Rows("growth", keys, values)
 
 
 TIME_STRUCTURE = RunTable(
@@ -138,6 +138,19 @@ TIME_STRUCTURE = RunTable(
     },
     _growth(),
     title="error growth",
+    verdicts=ALL_ROWS,
+    quantities={
+        "growth": Quantity("1", "Verdict on how the second moment grows with age: by its established parts."),
+        "growth_ratio": Quantity(
+            "1", "RMS at age 10 over that at the first age, of the tracks that live to age 10; scenes count alike."
+        ),
+        "white": Quantity("px", "Part of the error that is the same at every age."),
+        "random_walk": Quantity("px per sqrt(frame)", "Part whose variance grows linearly with age."),
+        "drift": Quantity("px per frame", "Part that grows linearly with age."),
+        "saturating_white": Quantity("px", "Constant part of the saturating model."),
+        "saturating": Quantity("px", "Size to which the saturating part grows."),
+        "saturating_frames": Quantity("frames", "Time constant of the saturating part."),
+    },
 )
 """How errors grow with age: the second moment about zero fitted as white^2 + walk^2 k + drift^2 k^2.
 

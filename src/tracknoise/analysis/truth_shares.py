@@ -26,8 +26,18 @@ from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, EVERYTHING, INTERVAL_COLUMNS, MEASURED
-from tracknoise.tables.quantities import ResultTopic
-from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number, same
+from tracknoise.tables.quantities import Quantity
+from tracknoise.tables.run_table import (
+    ALL_ROWS,
+    ESTIMATED_OF_N,
+    OF_CONDITION,
+    OF_VIEW,
+    Rows,
+    RunTable,
+    Value,
+    one_number,
+    same,
+)
 from tracknoise.tables.schema import (
     BETWEEN_TRACKERS,
     FITTED_MEASURE,
@@ -49,7 +59,7 @@ def _second_truth() -> Rows:
         for statistic in ("mean", "second")
     ]
     keys = {**OF_CONDITION, **same("trimming", "coordinate"), "part": "quantity", "at": "age"}
-    return Rows(ResultTopic.second_truth, keys, values)
+    return Rows("second truth", keys, values)
 
 
 TWO_TRUTHS = RunTable(
@@ -66,6 +76,11 @@ TWO_TRUTHS = RunTable(
     },
     _second_truth(),
     title="disagreement of two truths",
+    quantities={
+        "truth_difference_mean": Quantity("px", "Mean of positions by two truths, and of errors by each."),
+        "truth_difference_second": Quantity("px^2", "Second moment of the same."),
+    },
+    without_truth=True,
 )
 """How far the true positions by two truths are apart, by age, and the errors of trackers by each of them.
 
@@ -87,13 +102,17 @@ POSE_DISAGREEMENT = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        ResultTopic.pose_disagreement,
+        "pose disagreement",
         "pose_disagreement",
         "value",
         {"dataset": "dataset", **OF_VIEW, "at": "lag", "of": "quantity"},
         ESTIMATED_OF_N | {"unit": "unit"},
     ),
     title="disagreement of the poses of two truths",
+    quantities={
+        "pose_disagreement": Quantity(None, "RMS difference per axis between the relative poses of two truths.")
+    },
+    without_truth=True,
 )
 """Root mean square difference per axis between the relative poses of two truths, by lag in frames.
 
@@ -115,7 +134,7 @@ TRIANGULATED_NOISE = RunTable(
         **INTERVAL_COLUMNS,
     },
     one_number(
-        ResultTopic.fitted_noise,
+        "fitted noise",
         "fitted_noise",
         "sigma_px",
         {
@@ -128,6 +147,10 @@ TRIANGULATED_NOISE = RunTable(
         ESTIMATED_OF_N,
     ),
     title="noise from triangulated truth",
+    verdicts=ALL_ROWS,
+    quantities={
+        "fitted_noise": Quantity("px", "Noise of one coordinate, corrected for the fit of the true positions.")
+    },
 )
 """Noise of tracks whose true positions are triangulated: standard deviation of one coordinate of a position, px.
 
@@ -153,13 +176,15 @@ TRACKER_DIFFERENCES = RunTable(
         "established": pl.Boolean,
     },
     one_number(
-        ResultTopic.tracker_differences,
+        "tracker differences",
         "tracker_difference",
         "value",
         {**OF_CONDITION, "against": "other", "of": "statistic", "at": "age", "coordinate": "coordinate"},
         ESTIMATED_OF_N | {"unit": "unit", "verdict": "established"},
     ),
     title="differences between trackers",
+    quantities={"tracker_difference": Quantity(None, "Difference of the errors of two trackers at the same corners.")},
+    without_truth=True,
 )
 """Differences of the errors of two trackers at the same corners and in the same frames: `tracker` minus `other`.
 

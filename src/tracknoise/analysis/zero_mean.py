@@ -45,7 +45,7 @@ from tracknoise.statistics.grouping import (
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import COUNTED, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
 from tracknoise.tables.schema import MOMENTS, TRIMMING, VERDICT, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -69,7 +69,7 @@ def _bias() -> Rows:
         *(Value("p_value", name, {"part": name}) for name in _BIAS_TESTS),
     ]
     keys = {**OF_CONDITION, **same("trimming", "axis", "at")}
-    return Rows(ResultTopic.bias, keys, values)
+    return Rows("bias", keys, values)
 
 
 ZERO_MEAN = RunTable(
@@ -91,6 +91,15 @@ ZERO_MEAN = RunTable(
     },
     _bias(),
     title="tests of zero mean error",
+    verdicts=pl.col("at").is_null(),
+    quantities={
+        "bias": Quantity(
+            "px", "Length of the mean error, scenes weighted equally; the verdict says whether it is not zero."
+        ),
+        "bias_component": Quantity("px", "Mean error in u or v, scenes weighted equally."),
+        "bias_share": Quantity("share", "Square of the mean over the second moment, u and v together."),
+        "p_value": Quantity("1", "Chance of such a mean error, or a larger one, if the true mean is zero."),
+    },
 )
 """Is the mean error zero: one row per age (or frame), and one for all together where `at` is null.
 

@@ -14,12 +14,11 @@ import polars as pl
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, SUMMARY
-from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
-from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.catalogue import RUN_TABLES, run_results
 
 if TYPE_CHECKING:
     from tracknoise.api.sigma_to_set import SigmaToSet
@@ -288,7 +287,7 @@ class Run:
         -------
         polars.DataFrame
             Columns are those of `tracknoise.tables.results.RESULTS`; quantities are described in
-            `tracknoise.tables.quantities.QUANTITIES`.
+            `tracknoise.topics.catalogue.EVERY_QUANTITY`.
 
         Raises
         ------
@@ -297,7 +296,7 @@ class Run:
         StoreError
             If an earlier version made the run.
         """
-        return select(run_results(self._folder, RUN_TABLES.values()), wanted)
+        return select(run_results(self._folder), wanted)
 
     def findings(self, tracker: str | None = None) -> pl.DataFrame:
         """Return the findings, the most important first.
@@ -329,7 +328,7 @@ class Run:
         trackers = self._conditions["tracker"].unique(maintain_order=True).to_list()
         if tracker not in trackers:
             raise UnknownNameError("tracker", tracker, trackers)
-        return findings_about(findings.sort("rank"), run_results(self._folder, RUN_TABLES.values()), tracker)
+        return findings_about(findings.sort("rank"), run_results(self._folder), tracker)
 
     def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
         """Say what to set in an estimator: the same numbers as its findings and ``export --to text``.

@@ -58,11 +58,12 @@ def compare(
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.experiments.compare_runs import compare as compare_runs
     from tracknoise.report.comparison_page import comparison_markdown, comparison_page
+    from tracknoise.topics.catalogue import ESTIMANDS
 
     makers = {".html": comparison_page, ".json": comparison_json, ".md": comparison_markdown}
     files = files_by_ending(out, makers)
     require_outputs([("--out", path) for path in files.values()], inputs=[*runs, gate], are_reports=True)
-    tolerances = None if gate is None else read_gate(gate)
+    tolerances = None if gate is None else read_gate(gate, ESTIMANDS)
     comparison = compare_runs(*runs, trackers=trackers, gate=tolerances)
     _print_notes(context.obj, comparison)
     if as_json:

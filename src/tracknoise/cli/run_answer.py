@@ -6,7 +6,6 @@ from tracknoise.cli.terminal import wrapped
 from tracknoise.report.answer import accuracy, summarise
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.factor_topic import changes
 from tracknoise.topics.headline import MOST_TRACKERS
 from tracknoise.topics.measures import Subject
@@ -14,7 +13,6 @@ from tracknoise.topics.sentences import joined, sentences_of
 from tracknoise.topics.size_topic import size_measure
 from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
 from tracknoise.topics.window_topic import sigma_sentence
-from tracknoise.truth_faults.check_change import truth_change
 
 _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
@@ -33,7 +31,7 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
         Whether they say what to set.
     """
     trust = _flat(map(wrapped, _trust(data)))
-    if TruthVerdict.of(data["trust"]).are_tracks_wrong:
+    if data.truth.are_tracks_wrong:
         return trust
     better = wrapped(_better(data))
     told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
@@ -50,7 +48,7 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
 
 def _in_order(data: ReportData, numbers: list[str], trust: list[str]) -> list[str]:
     """The verdict on the truth first where it forbids the numbers, otherwise last."""
-    return [*numbers, *trust] if TruthVerdict.of(data["trust"]).is_usable else [*trust, *numbers]
+    return [*numbers, *trust] if data.truth.is_usable else [*trust, *numbers]
 
 
 def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
@@ -85,15 +83,15 @@ def _better(data: ReportData) -> str:
 
 def _trust(data: ReportData) -> list[str]:
     """Whether the truth is trusted and what would help, what that changes in a check, and that scenes are copies."""
-    verdict_of_truth = TruthVerdict.of(data["trust"])
-    why, step = sentences_of(verdict_of_truth.text)[:1], sentences_of(verdict_of_truth.step)[:1]
-    verdict = joined([verdict_of_truth.opening, *why, *(f"Next: {text}" for text in step)])
-    change = joined(sentences_of(truth_change(data.run, data["trust"]) or "")[:1])
+    truth = data.truth
+    why, step = sentences_of(truth.text)[:1], sentences_of(truth.step)[:1]
+    verdict = joined([truth.opening, *why, *(f"Next: {text}" for text in step)])
+    change = joined(sentences_of(data.truth_change or "")[:1])
     lost = without_truth(data).strip() if depth_is_from_images(data) else ""
     return [
         verdict,
-        verdict_of_truth.poses,
-        verdict_of_truth.stated,
+        truth.poses,
+        truth.stated,
         lost,
         change,
         *data["findings"].filter(topic="copies")["brief"],
@@ -110,7 +108,7 @@ def most_important(data: ReportData, most: int) -> list[str]:
     most
         How many sentences there may be in all.
     """
-    if TruthVerdict.of(data["trust"]).are_tracks_wrong:
+    if data.truth.are_tracks_wrong:
         return [text for text in _trust(data) if text]
     answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data))
     chosen = list[str]()

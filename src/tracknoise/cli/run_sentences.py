@@ -11,7 +11,6 @@ from tracknoise.exceptions import StoreError
 from tracknoise.report import factor_section, findings_section
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.headlines import findings_json
 from tracknoise.words import count
 
@@ -37,7 +36,7 @@ def print_findings(terminal: Terminal, run: Path, *, every: bool, as_json: bool)
         terminal.result(findings_json(data.tables).rstrip())
         return
     _print_sentences(terminal, data, every=every)
-    if every and not TruthVerdict.of(data["trust"]).are_tracks_wrong:
+    if every and not data.truth.are_tracks_wrong:
         terminal.result(f"\n{summary_text(data.run)}")
         _print_verdicts(terminal, data)
 

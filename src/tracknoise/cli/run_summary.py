@@ -17,12 +17,10 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import counted
 from tracknoise.topics.headline import MOST_TRACKERS
 from tracknoise.topics.sentences import by_statement, together
 from tracknoise.topics.truth_topic import at_most
-from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import rms_of_tracks
 
 if TYPE_CHECKING:
@@ -120,7 +118,7 @@ def print_results(
         if ranks is not None:
             show(terminal.result, ranks)
         terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
-        if not TruthVerdict.of(data["trust"]).are_tracks_wrong:
+        if not data.truth.are_tracks_wrong:
             terminal.say(hint)
     for line in failed:
         terminal.say(line)
@@ -155,7 +153,7 @@ def summary_text(run: RunFolder) -> str:
     If there are too many conditions, only those that the report's figures show have a row.
     """
     data = ReportData.of(run)
-    if TruthVerdict.of(data["trust"]).are_tracks_wrong:
+    if data.truth.are_tracks_wrong:
         return "\n".join(_truth(data)).rstrip()
     table = data.in_order(data.listed(_with_noise(data) if data.truth_is_fitted else _with_means(data)))
     shown = [*((name, name, "{}") for name in data.condition_columns), *_TRACKS, *_errors(data)]
@@ -181,7 +179,7 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
     Where true positions are fitted to the tracks, their noise, because errors about fitted points are smaller.
     """
     if data.truth_is_fitted:
-        bound = f"noise {at_most(TruthVerdict.of(data['trust']))}by"
+        bound = f"noise {at_most(data.truth)}by"
         return [(heading.replace("noise by", bound), name, form) for heading, name, form in _NOISE]
     shown = [
         (
@@ -232,8 +230,8 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
-    change, copies = truth_change(data.run, data["trust"]), data["findings"].filter(topic="copies")["text"]
-    truth = TruthVerdict.of(data["trust"])
+    change, copies = data.truth_change, data["findings"].filter(topic="copies")["text"]
+    truth = data.truth
     texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
     return ["\n".join([*wrapped(text), ""]) for text in texts]
 

@@ -30,7 +30,7 @@ alternative. Intervals are the smallest ones that contain those of the model and
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 
 from tracknoise.analysis.condition_units import units_of
-from tracknoise.estimators.model import Component, Interval
+from tracknoise.estimators.model import NO_COMPONENT, Component, Interval
 from tracknoise.exceptions import SettingsError
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.intervals import Method, pooled
@@ -553,10 +553,7 @@ def _component(entries: Array, bounds: Sequence[tuple[float, float]]) -> Compone
 def _none(dropped: Mapping[int, Dropped]) -> dict[int, Component]:
     """Components without noise."""
     found = {number: Interval(value=0.0, low=_dropped_bound(one), high=one.most_px) for number, one in dropped.items()}
-    return {
-        number: Component(covariance=np.zeros((2, 2)), sigma=found[number], why_dropped=one.why)
-        for number, one in dropped.items()
-    }
+    return {number: replace(NO_COMPONENT, sigma=found[number], why_dropped=one.why) for number, one in dropped.items()}
 
 
 def _dropped_bound(one: Dropped) -> float | None:

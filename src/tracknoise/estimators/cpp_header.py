@@ -3,7 +3,6 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.estimators.component_code import CODE
 from tracknoise.estimators.exports import in_comment
 from tracknoise.estimators.model import Factor
 from tracknoise.estimators.noise_model import NoiseModel
@@ -80,8 +79,8 @@ def _tail() -> str:
             entry: " + ".join(f"{letter} * {name}.{entry}" for name, letter in letters.items())
             for entry in ("uu", "uv", "vv")
         },
-        error=", ".join(code.error for code in CODE.values()),
-        change=", ".join(code.change for code in CODE.values()),
+        error=", ".join(one.code.error for one in COMPONENTS),
+        change=", ".join(one.code.change for one in COMPONENTS),
     )
 
 

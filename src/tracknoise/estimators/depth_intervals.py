@@ -47,7 +47,7 @@ from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of, quantile, share_below
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
 from tracknoise.tables.schema import NOISE_SUMS, NOISE_TRACKS, TRIMMING, WINDOW_NOISE, Schema, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -62,7 +62,7 @@ def _depths() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N, axis="window", of=None)
     keys = {**OF_CONDITION, "trimming": "trimming", "at": "window", "part": "covariance", "part_low": "sigma_px"}
-    return Rows(ResultTopic.depths, keys, values)
+    return Rows("depths", keys, values)
 
 
 DEPTH_INTERVALS = RunTable(
@@ -79,6 +79,14 @@ DEPTH_INTERVALS = RunTable(
     },
     _depths(),
     title="intervals of depths, by assumed noise",
+    quantities={
+        "depth_coverage": Quantity(
+            "share", "Share of the depths of points of other scenes inside their claimed interval."
+        ),
+        "depth_error": Quantity("share", "Error of the depth of points of other scenes, relative to the depth."),
+        "depth_error_ratio": Quantity("1", "Error of the depth over the claimed one."),
+        "depth_overconfidence": Quantity("1", "Factor by which claimed depths are too certain."),
+    },
 )
 """What estimators would claim of the depths of points of other scenes: see `tracknoise.estimators.depth_intervals`.
 

@@ -25,7 +25,6 @@ from numpy.typing import NDArray
 
 from tracknoise.estimators import exports
 from tracknoise.estimators.advice import ExportedModel
-from tracknoise.estimators.component_code import CODE
 from tracknoise.estimators.exports import (
     Estimator,
     Export,
@@ -380,7 +379,7 @@ def _environment() -> Environment:
         keep_trailing_newline=True,
         finalize=lambda value: number(value) if isinstance(value, float) else value,
     )
-    environment.globals |= {"code": CODE}
+    environment.globals |= {"code": {one.name: one.code for one in COMPONENTS}}
     environment.filters |= {"precise": _precise, "rows": _rows, "entries": _entries}
     return environment
 

@@ -46,7 +46,7 @@ from tracknoise.inference.units import NO_GROUPS, Resampled, SceneGroups, by_num
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.tables.findings_schema import INTERVAL_COLUMNS, LOOKUP
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED, Rows, RunTable, Value, bounds_of
 from tracknoise.tables.schema import PRODUCT, check, empty
 
@@ -61,7 +61,7 @@ def _lookup() -> Rows:
         ),
     ]
     keys = {"dataset": "dataset", "of": "product", "part": "lookup", "against": "against"}
-    return Rows(ResultTopic.lookup, keys, values)
+    return Rows("lookup", keys, values)
 
 
 NOISE_LOOKUP = RunTable(
@@ -80,6 +80,12 @@ NOISE_LOOKUP = RunTable(
     },
     _lookup(),
     title="gain of tables of noise by tracker, speed and motion",
+    quantities={
+        "noise_gain": Quantity(
+            "nat", "Gain of a table of second moments over a coarser one on scenes that were left out, per error."
+        ),
+        "noise_spread": Quantity("1", "Factor by which the second moment of a scene typically differs from the table."),
+    },
 )
 """How much better a table of covariances predicts scenes that were left out (`tracknoise.estimators.lookup_table`).
 

@@ -151,6 +151,10 @@ class Component:
             require_within("covariance", float(variance), {"ge": 0.0, "le": MOST_PX**2})
 
 
+NO_COMPONENT = Component(covariance=np.zeros((2, 2)), sigma=Interval(value=0.0))
+"""Of a model that was fitted without it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Equivalent:
     """One standard deviation for all observations, and what it makes right.

@@ -18,7 +18,7 @@ from tracknoise.exceptions import DataError, SettingsError, StoreError
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.processes import ONE_THREAD, process_pool
 from tracknoise.tables.identity import identifiers
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
 from tracknoise.tables.schema import POOLED
 from tracknoise.tables.store import RunFolder
@@ -37,7 +37,7 @@ def _advice() -> Rows:
     values = by_quantity(names, same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
     keys = {**OF_CONDITION, "at": "window"}
-    return Rows(ResultTopic.advice, keys, values, packed=packed)
+    return Rows("advice", keys, values, packed=packed)
 
 
 ADVICE = RunTable(
@@ -56,6 +56,14 @@ ADVICE = RunTable(
     },
     _advice(),
     title="what to set in the estimator",
+    quantities={
+        "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment."),
+        "state_sigma_to_set": Quantity("px", "The same for features in its state."),
+        "nees_with_gate": Quantity("1", "NEES of the newest pose with sigma and the gate of tracks, in trials."),
+        "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
+        "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
+        "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right."),
+    },
 )
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
 

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators.components import fit_noise, group_numbers, independent_noun, sums_of_units
 from tracknoise.estimators.exports import invertible
-from tracknoise.estimators.model import Component, Factor, Interval, TrackScale, factor_of
+from tracknoise.estimators.model import NO_COMPONENT, Component, Factor, Interval, TrackScale, factor_of
 from tracknoise.estimators.run_time_conditions import TRENDS, Trend, mean_gain
 from tracknoise.estimators.track_likelihood import (
     BULK,
@@ -227,7 +227,7 @@ def _not_better(part: str, gain: Interval | None, noun: str) -> str:
 def _component(sigma: Interval | None) -> Component:
     if sigma is None:
         why = "its variance is below a thousandth of the largest one"
-        return Component(covariance=np.zeros((2, 2)), sigma=Interval(value=0.0), why_dropped=why)
+        return replace(NO_COMPONENT, why_dropped=why)
     return Component(covariance=sigma.value**2 * np.eye(2), sigma=sigma)
 
 

@@ -33,7 +33,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Condition, Tables, TablesByCondition, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile, share_below
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.tables.schema import TRIMMING, WINDOW_BLOCKS, WINDOW_NOISE, check
@@ -55,7 +55,7 @@ def _windows() -> Rows:
     }
     values = by_quantity(names, ESTIMATED_OF_N, axis="window", coordinate=None, part=None)
     keys = {**OF_CONDITION, "trimming": "trimming", "at": "window"}
-    return Rows(ResultTopic.windows, keys, values)
+    return Rows("windows", keys, values)
 
 
 WINDOW_SIGMAS = RunTable(
@@ -70,6 +70,24 @@ WINDOW_SIGMAS = RunTable(
     },
     _windows(),
     title="noise for depths, by length of window",
+    quantities={
+        "sigma": Quantity(
+            "px",
+            "Noise that makes the depths of points fitted to windows of tracks as certain as they are, for known "
+            "poses.",
+        ),
+        "residual_sigma": Quantity("px", "RMS of the residuals of points fitted to windows, by degrees of freedom."),
+        "residual_sigma_of_coordinate": Quantity("px", "The same of one coordinate."),
+        "residual_core": Quantity("px", "The same by the median over windows."),
+        "overconfidence": Quantity("1", "Noise for depths over residual sigma."),
+        "core_overconfidence": Quantity("1", "Noise for depths over residual core."),
+        "z_root_mean_square": Quantity("px", "Noise for depths with the tails."),
+        "gate_factor": Quantity("1", "Quantile of the squared residuals of a window over that of chi square."),
+        "window_coverage": Quantity(
+            "share", "Share of windows whose depth is inside its interval, for residual sigma."
+        ),
+        "depth_share": Quantity("share", "Share of windows that show the depth of their point."),
+    },
 )
 """The noise to give to an estimator, by length of its windows: see `tracknoise.estimators.window_noise`.
 

@@ -4,7 +4,7 @@ Runs can be compared if they have the same data, truth and libraries, whatever t
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,27 +12,24 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.condition_units import groups_of_scenes
+from tracknoise.analysis.estimand import Estimand, RoleValues, TableValues
 from tracknoise.analysis.gate import Gate, judge
 from tracknoise.analysis.paired_tests import Unit
-from tracknoise.analysis.run_changes import ESTIMANDS, OF_ERRORS, Asked, Compared, Comparison, RunSide, verdicts
+from tracknoise.analysis.run_changes import Asked, Compared, Comparison, RunSide, verdicts
 from tracknoise.analysis.run_inputs import read_kind_tables
 from tracknoise.analysis.scene_values import (
     NUMBERS,
-    OF_EVENTS,
-    SIGNED,
     RunValues,
     differences_of,
     number_differences,
     run_values,
 )
 from tracknoise.checks import path_of, require, require_within
-from tracknoise.estimators.window_noise import scene_quantities
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.resume import LIBRARIES
 from tracknoise.experiments.settings import OF_NO_RESULT, dotted
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.paired_differences import Differences
-from tracknoise.inference.units import MIN_SCENES
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import POOLED
@@ -42,10 +39,9 @@ from tracknoise.tables.enumerations import Axis, ComparedAges, Trimming
 from tracknoise.tables.findings_schema import CURVES, SUMMARY
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import REFINED, Manifest, joined_fit
-from tracknoise.tables.quantities import RATIOS
 from tracknoise.tables.store import RunFolder, schema_of
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.topics.window_topic import LONGEST_WINDOW
+from tracknoise.topics.catalogue import ESTIMANDS
 from tracknoise.words import pixels
 
 _DATA, _TRUTH = "dataset.", "truth."
@@ -180,26 +176,6 @@ def _left_out(one: OpenedRun, other: OpenedRun) -> Iterator[str]:
         yield f"{other.name} has no {_some(only)}, which {one.name} measured."
 
 
-LEAST_OF_RATIO = 30
-"""Fewest features that a ratio of a scene at an age rests on."""
-LEAST_WINDOWS = 10
-"""Fewest windows that a quantity of a scene rests on."""
-_RASTER = "256x256"
-_RECOMMENDED = "consistent_sigma"
-_WINDOWED = {
-    "consistent_sigma": "consistent_sigma",
-    "residual_sigma": "residual_core",
-    "overconfidence": "core_overconfidence",
-}
-_TAP = {
-    "tap_delta_avg": "delta_avg",
-    "tap_delta_avg_reported": "delta_avg_reported",
-    "tap_average_jaccard": "average_jaccard",
-    "tap_occlusion_accuracy": "occlusion_accuracy",
-    "expected_feature_age": "expected_feature_age",
-}
-_ROLES = {"core": "core", "second_moment": "second", "bias": SIGNED, "tails": "tails", "growth": "growth"}
-"""Roles of statistics of errors."""
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."
 
 
@@ -233,52 +209,29 @@ def _read(run: OpenedRun, keys: Sequence[str], scenes: Mapping[str, Sequence[str
         return by_condition(tables, schema_of(name), name, lambda table: table.filter(*chosen, **columns))
 
     every = {name: read(name, pl.col("n") > 0, **errors) for name in ("moments", "scales")}
-    frames, untrimmed = read("frames"), {"trimming": str(Trimming.untrimmed)}
     values = run_values(
         every["moments"],
         every["scales"],
         read("ends"),
-        frames,
+        read("frames"),
         run.folder.statistics(CURVES),
         by_kind=read_kind_tables(run.folder, keys, every, KINDS, lambda table: table.filter(pl.col("n") > 0, **errors)),
         key_frames={str(e.sequence.direction): e.key_frame for e in entries.values() if e.key_frame is not None},
         scenes=scenes,
         **errors,
     )
-    windows = {
-        key: scene_quantities(table).filter(pl.col("n") >= LEAST_WINDOWS).rename({"window": "at"})
-        for key, table in read("window_noise", **untrimmed).items()
-    }
-    tap, ratios = read("point_tracking", raster=_RASTER), read("ratio_sums", **untrimmed)
-    numbers = {
-        "feature_count": {
-            key: _numbers(table.group_by("scene").agg(value=pl.col("alive").mean())) for key, table in frames.items()
-        },
-        **{
-            name: {key: _numbers(table.filter(quantity=quantity)) for key, table in windows.items()}
-            for name, quantity in _WINDOWED.items()
-        },
-        **{
-            name: {
-                key: _numbers(table.drop_nulls(of).with_columns(value=of))
-                for key, table in tap.items()
-                if table[of].count()
-            }
-            for name, of in _TAP.items()
-        },
-        **{name: {key: _ratios(table.filter(quantity=name)) for key, table in ratios.items()} for name in RATIOS},
-    }
-    return RunTables(run.name, values, numbers)
+    return RunTables(run.name, values, {name: _numbers(estimand.values, read) for name, estimand in ESTIMANDS.items()})
 
 
-def _ratios(sums: pl.DataFrame) -> pl.DataFrame:
-    """Ratios of sums over features of each scene and age that has enough features."""
-    added = sums.group_by("scene", "at", maintain_order=True).agg(pl.col("n", "sum").sum())
-    return _numbers(added.filter(pl.col("n") >= LEAST_OF_RATIO).with_columns(value=pl.col("sum") / pl.col("n")))
+def _numbers(source: RoleValues | TableValues, read: Callable[..., TablesByCondition]) -> TablesByCondition:
+    """Tables of `NUMBERS` by condition; none of what differences are known of by a role."""
+    if isinstance(source, RoleValues):
+        return {}
+    made = {key: source.numbers(table) for key, table in read(source.table, **source.rows).items()}
+    return {key: _with_places(table) for key, table in made.items() if table is not None}
 
 
-def _numbers(table: pl.DataFrame) -> pl.DataFrame:
-    """Columns of `NUMBERS`, of a table that has a scene, a value and maybe places."""
+def _with_places(table: pl.DataFrame) -> pl.DataFrame:
     placed = table if "at" in table.columns else table.with_columns(at=None)
     return placed.select(pl.col(name).cast(kind) for name, kind in NUMBERS.items())
 
@@ -348,13 +301,13 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     notes = (*missing, *others, *apart, *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     asked = [
-        Asked(_compared(second.name, pair), name, values, names, groups.of(dataset, names), axis)
+        Asked(_compared(second.name, pair), estimand, values, names, groups.of(dataset, names), axis)
         for pair in _paired_conditions(known, matched)
         if pair[1] in found.values.frames
         for dataset, names in [(str(pair[0][0]), scenes[str(pair[0][0])])]
-        for name in ESTIMANDS
-        if not (fitted and name in OF_ERRORS)
-        for axis, values in _differences(name, (known, found), pair)
+        for estimand in ESTIMANDS.values()
+        if not (fitted and estimand.of_errors)
+        for axis, values in _differences(estimand, (known, found), pair)
     ]
     partners = matched if trackers else {name: matched.get(name, name) for name in known.trackers}
     expected = (_compared(second.name, pair) for pair in _paired_conditions(known, partners))
@@ -366,35 +319,22 @@ def _compared(run: str, pair: Pair) -> Compared:
     return Compared(run=run, other_tracker=second["tracker"], **first)
 
 
-def _differences(name: str, runs: tuple[RunTables, RunTables], pair: Pair) -> Iterator[tuple[str | None, Differences]]:
+def _differences(
+    estimand: Estimand, runs: tuple[RunTables, RunTables], pair: Pair
+) -> Iterator[tuple[str | None, Differences]]:
     """Axis and differences, second run minus first run, of a statistic; nothing where a run does not have it."""
     scenes = runs[0].values.scenes[str(pair[0][0])]
     levels = [(run.values, key) for run, key in zip(runs, pair, strict=True)]
-    if name in OF_EVENTS:
-        yield None, differences_of(name, levels, None, scenes).reversed()
-    elif role := _ROLES.get(name):
-        for axis in (Axis.age,) if name == "growth" else Axis:
-            if all((key, axis) in run.errors.conditions for run, key in levels):
-                yield str(axis), differences_of(role, levels, axis, scenes).reversed()
-    elif all(key in run.numbers.get(name, {}) for run, key in zip(runs, pair, strict=True)):
-        both = [run.numbers[name][key] for run, key in zip(runs, pair, strict=True)]
-        both = _at_the_reported_window(*both) if name == _RECOMMENDED else both
-        found = number_differences(both, scenes, logarithms=ESTIMANDS[name].unit == Unit.ratio)
-        along = Axis.frame if levels[0][0].errors.key_frames else Axis.age
-        yield "window" if name in _WINDOWED else str(along) if name in RATIOS else None, found.reversed()
-
-
-def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> list[pl.DataFrame]:
-    """Rows of the longest windows that findings report and enough scenes of both runs have.
-
-    The sigma for depths depends on the length of windows, so that a mean over lengths is no sigma that anyone sets.
-    """
-    both = first.join(second, on=["scene", "at"]).filter(pl.col("at") <= LONGEST_WINDOW)
-    counts = both.group_by("at").len()
-    most = counts.select(pl.col("len").max()).item() or 0
-    enough = counts.filter(pl.col("len") >= max(most / 2, min(most, MIN_SCENES))).sort("at")["at"]
-    longest = pl.col("at").is_in(enough.tail(1).to_list())
-    return [first.filter(longest), second.filter(longest)]
+    source = estimand.values
+    if isinstance(source, RoleValues):
+        for axis in source.axes:
+            if axis is None or all((key, axis) in run.errors.conditions for run, key in levels):
+                yield axis, differences_of(source.role, levels, axis, scenes).reversed()
+    elif all(key in run.numbers[estimand.name] for run, key in zip(runs, pair, strict=True)):
+        both = source.paired(*(run.numbers[estimand.name][key] for run, key in zip(runs, pair, strict=True)))
+        found = number_differences(both, scenes, logarithms=estimand.unit == Unit.ratio)
+        is_of_frames = source.axis == Axis.age and levels[0][0].errors.key_frames
+        yield Axis.frame if is_of_frames else source.axis, found.reversed()
 
 
 _LEVELS = (0.5, 0.99)

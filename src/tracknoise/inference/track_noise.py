@@ -9,7 +9,8 @@ and 0 where j or k is 0. An estimator that solves for the 3-D point does not nee
 For it the first observation may have the covariance A, and the others lose M_j M_k A: both lead to the same estimate.
 
 Fits, models and exports take what multiplies A, W, Q and D from here: a component is one row of `COMPONENTS` and one
-field of `TrackNoise`. Scales of tracks (`tracknoise.estimators.track_likelihood`) have a law of their own.
+field of `TrackNoise` and of noise models. Scales of tracks (`tracknoise.estimators.track_likelihood`) have a law of
+their own.
 """
 
 from collections.abc import Callable, Iterator
@@ -47,6 +48,16 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True)
+class ComponentCode:
+    """What multiplies a component, as exports write it. `walked`: what multiplies Q; squared depths in C++."""
+
+    error: str  # C++: for an error at `age`, with the magnification m and the factor f; `later` is 1 after the birth
+    change: str  # C++: for a change over a number of `frames` after the first one
+    cpp: str  # C++: for frames j and k of a track, about its true positions, from the `depth` of each
+    python: str  # the same for all frames, (n, n), from the `age` of each
+
+
+@dataclass(frozen=True, slots=True)
 class NoiseComponent:
     """One covariance of the noise, and what multiplies it."""
 
@@ -56,6 +67,7 @@ class NoiseComponent:
     power: int  # of the age in the covariance of an error, where nothing is magnified
     has_factor: bool  # whether what is known at run time multiplies it
     shared: Callable[[Seen, Seen, Reference], Array]  # what multiplies it in the covariance of two errors of a track
+    code: ComponentCode
 
     @property
     def unit(self) -> str:
@@ -87,10 +99,27 @@ def _drift(one: Seen, other: Seen, _: Reference) -> Array:
 
 
 COMPONENTS = (
-    NoiseComponent("first", "A", "first position", 0, False, _first),
-    NoiseComponent("white", "W", "each frame", 0, True, _white),
-    NoiseComponent("walk", "Q", "walk", 1, True, _walk),
-    NoiseComponent("drift", "D", "drift", 2, False, _drift),
+    NoiseComponent(
+        *("first", "A", "first position", 0, False, _first),
+        ComponentCode("later * m * m", "0.0", "1.0 * (j == 0 && k == 0)", "np.diag(age == 0)"),
+    ),
+    NoiseComponent(
+        *("white", "W", "each frame", 0, True, _white),
+        ComponentCode("later * f", "2.0 * f", "1.0 * (j == k && j > 0)", "np.diag(age > 0)"),
+    ),
+    NoiseComponent(
+        *("walk", "Q", "walk", 1, True, _walk),
+        ComponentCode(
+            "f * age * (1.0 + m + m * m) / 3.0",
+            "f * frames",
+            "walked[std::min(j, k)] / (depth[j] * depth[k])",
+            "walked",
+        ),
+    ),
+    NoiseComponent(
+        *("drift", "D", "drift", 2, False, _drift),
+        ComponentCode("age * age", "frames * frames", "1.0 * j * k", "np.outer(age, age)"),
+    ),
 )
 """In the order of their factors in sums and fits."""
 NAMES = tuple(component.name for component in COMPONENTS)

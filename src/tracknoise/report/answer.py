@@ -9,7 +9,6 @@ from tracknoise.report import small_plots
 from tracknoise.report.contents import TRUTH_TITLE
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics import factor_topic
 from tracknoise.topics.answer_summary import FORMAT, Card, Judgement, Measure, NoiseToSet, Number, Summary
 from tracknoise.topics.catalogue import TOPICS
@@ -44,7 +43,7 @@ def summarise(data: ReportData) -> Summary:
 def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     """What to set in the estimator of the experiment, for each tracker in their order."""
     rows = reported_conditions(data, data.slowest).reported(data["advice"])
-    is_bound = not TruthVerdict.of(data["trust"]).is_usable
+    is_bound = not data.truth.is_usable
     for tracker in data.trackers:
         advice = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
         if advice:

@@ -11,12 +11,11 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
+from tracknoise.analysis.estimand import Estimand
 from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.run_changes import (
-    ESTIMANDS,
     Compared,
     Comparison,
-    Estimand,
     GateResult,
     GateRow,
     Row,
@@ -358,14 +357,9 @@ def comparison_page(comparison: Comparison) -> str:
         effect_words=effect_words,
         where_words=where_words,
         plot_of=plot_of,
-        estimands=_estimands(comparison.rows),
+        estimands=comparison.estimands.values(),
         differences=[_page_differences(side.name, side.differs) for side in comparison.others],
     )
-
-
-def _estimands(rows: Sequence[Row]) -> list[Estimand]:
-    statistics = {row.statistic for row in rows}
-    return [estimand for name, estimand in ESTIMANDS.items() if name in statistics]
 
 
 def _page_differences(run: str, differs: Sequence[tuple[str, str, str]]) -> Cells:

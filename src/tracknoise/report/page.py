@@ -31,7 +31,6 @@ from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.text import browser_json
 from tracknoise.topics import trimming_topic
 from tracknoise.topics.answer_summary import SUMMARY, NoiseToSet, Summary, summary_json
@@ -148,7 +147,7 @@ def _page(
     return template("index.html.j2").render(
         data=data,
         summary=answered,
-        verdict=TruthVerdict.of(data["trust"]),
+        verdict=data.truth,
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,

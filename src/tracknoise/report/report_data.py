@@ -8,10 +8,9 @@ import polars as pl
 
 from tracknoise.report import paper, style
 from tracknoise.tables.identity import identifiers
-from tracknoise.tables.result_rows import run_results
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.text import absolute_paths, without_folders
-from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.catalogue import RUN_TABLES, run_results
 from tracknoise.topics.run_data import RunData
 
 _FIXED = ("by-lighting",)
@@ -38,7 +37,7 @@ class ReportData(RunData):
     @cached_property
     def results(self) -> pl.DataFrame:
         """The table of results, which is made of the tables."""
-        return run_results(self.run, RUN_TABLES.values())
+        return run_results(self.run)
 
     def shown(self, settings: Any) -> Any:
         """Settings, or a text about data, without the folders of the machine (`tracknoise.text.without_folders`)."""

@@ -13,10 +13,8 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import TruthCause
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.bands import Axis
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
-from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.truth_faults.explained import MOVED
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.words import DASH, SPACE, listing, number, percent, pixels
@@ -113,8 +111,8 @@ _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors
 def verdicts(data: ReportData) -> list[str]:
     """Sentences: the verdict, what it changed in that of a check, what the audit found, and what is stated."""
     floor = [] if data.truth_is_fitted else _floor(data)
-    change = truth_change(data.run, data["trust"])
-    truth = TruthVerdict.of(data["trust"])
+    change = data.truth_change
+    truth = data.truth
     sentences = filter(None, [truth.sentence, truth.stated, change])
     return [*sentences, *audit_sentences(data["audit"]), *floor]
 

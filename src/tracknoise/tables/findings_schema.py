@@ -25,7 +25,6 @@ from tracknoise.tables.enumerations import (
     TruthCause,
     Weighting,
 )
-from tracknoise.tables.quantities import ResultTopic
 from tracknoise.tables.run_table import (
     COUNTED,
     ESTIMATED,
@@ -110,7 +109,7 @@ def _curves(keys: Columns, labels: Constants) -> Rows:
         for axis, statistic in names.items()
         for coordinate in ("u", "v", "uv")
     ]
-    return Rows(ResultTopic.errors, {**OF_CONDITION, **keys}, values)
+    return Rows("errors", {**OF_CONDITION, **keys}, values)
 
 
 CURVES = RunTable(
@@ -149,7 +148,7 @@ def _floor() -> Rows:
     ]
     values += [Value("truth_floor_of_mean", f"mean_{name}_px", {"coordinate": name}) for name in "uv"]
     keys = {**OF_CONDITION, "part": "source", **same("axis", "at")}
-    return Rows(ResultTopic.truth_floor, keys, values)
+    return Rows("truth floor", keys, values)
 
 
 FLOOR = RunTable(
@@ -164,6 +163,7 @@ FLOOR = RunTable(
         **dict.fromkeys(("floor_uu", "floor_uv", "floor_vv", "mean_u_px", "mean_v_px"), pl.Float64),
     },
     _floor(),
+    without_truth=True,
 )
 """Truth floor: the second moment of the errors of true positions (px^2), and the standard deviation of their mean (px).
 
@@ -183,7 +183,7 @@ def _cores() -> Rows:
                 labels = {"aspect": Aspect.all, "weighting": weighting, "axis": axis, "coordinate": name}
                 values.append(Value(quantity, stem.format(name), labels, {"axis": axis}, carried))
     keys = {**OF_CONDITION, **same("population", "trimming", "at")}
-    return Rows(ResultTopic.errors, keys, values)
+    return Rows("errors", keys, values)
 
 
 CORES = RunTable(
@@ -244,7 +244,7 @@ def _changes() -> Rows:
         for lag in CHANGE_LAGS
         for coordinate in "uv"
     ]
-    return Rows(ResultTopic.errors, {**OF_CONDITION, "trimming": "trimming", "at": "age"}, [*ages, *lags])
+    return Rows("errors", {**OF_CONDITION, "trimming": "trimming", "at": "age"}, [*ages, *lags])
 
 
 CHANGES = RunTable(
@@ -281,7 +281,7 @@ def _tracks() -> Rows:
         Value("followed_to", "followed_to", labels),
     ]
     keys = {**OF_CONDITION, "at": "lifetime"}
-    return Rows(ResultTopic.tracks, keys, values)
+    return Rows("tracks", keys, values)
 
 
 LIFETIMES = RunTable(
@@ -300,6 +300,7 @@ LIFETIMES = RunTable(
     },
     _tracks(),
     title="lifetimes and survival",
+    without_truth=True,
 )
 """One row per lifetime: number of tracks that ended or were censored, and the Kaplan-Meier survival beyond it.
 
@@ -318,7 +319,7 @@ def _outliers() -> Rows:
         Value("outlier_ratio", "pooled_ratio", {"aspect": Aspect.all}),
         *(Value("outlier_ratio_of_frames", name, {"part": name}) for name in names),
     ]
-    return Rows(ResultTopic.outliers, OF_CONDITION, values)
+    return Rows("outliers", OF_CONDITION, values)
 
 
 OUTLIERS = RunTable(
@@ -419,7 +420,7 @@ def _largest_differences() -> Rows:
         *(Value("effect_count", name, {"part": name}) for name in counts),
     ]
     keys = {**OF_CONDITION, **same("factor", "axis", "coordinate", "at"), "of": "statistic"}
-    return Rows(ResultTopic.largest_differences, keys, values)
+    return Rows("largest differences", keys, values)
 
 
 EFFECTS = RunTable(
@@ -455,18 +456,18 @@ is an age, or a number of frames since the key frame.
 def _intervals() -> Rows:
     """Numbers of errors, of tracks and of outliers, with their intervals."""
 
-    def of(quantity: str, axis: str | None, statistic: str, topic: ResultTopic | None = None) -> Value:
+    def of(quantity: str, axis: str | None, statistic: str, topic: str | None = None) -> Value:
         rows = {"statistic": statistic, "axis": axis}
         return Value(quantity, "value", {"axis": axis}, rows, _OF_INTERVALS, topic)
 
     roles = [*_ROLES.items(), ("core", {"age": "core", "frame": "core"})]
     values = [of(quantity, axis, statistic) for quantity, names in roles for axis, statistic in names.items()]
     values += [of("autocorrelation", "lag", "autocorrelation")]
-    values += [of(name, None, name, ResultTopic.tracks) for name in _LIFETIMES]
-    values += [of(name, "lifetime", name, ResultTopic.tracks) for name in _SURVIVAL]
-    values += [of("outlier_ratio", None, "outlier_ratio", ResultTopic.outliers)]
+    values += [of(name, None, name, "tracks") for name in _LIFETIMES]
+    values += [of(name, "lifetime", name, "tracks") for name in _SURVIVAL]
+    values += [of("outlier_ratio", None, "outlier_ratio", "outliers")]
     keys = {**OF_CONDITION, **_POINT, "coordinate": "coordinate"}
-    return Rows(ResultTopic.errors, keys, values)
+    return Rows("errors", keys, values)
 
 
 INTERVALS = RunTable(
@@ -487,6 +488,7 @@ INTERVALS = RunTable(
         **dict.fromkeys(("spread", "next_low", "next_high", "coverage"), pl.Float64),
     },
     _intervals(),
+    verdicts=pl.col("at").is_null(),
 )
 """One row per number that has an interval: every point of every curve, and every scalar of every condition.
 

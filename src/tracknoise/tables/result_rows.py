@@ -3,16 +3,14 @@
 Tables are what is stored and read. Results are derived from them, and nothing is turned back.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import polars as pl
 
-from tracknoise.tables.quantities import QUANTITIES, ResultTopic
-from tracknoise.tables.results import beside_untrusted_truth, finished, ids
+from tracknoise.tables.quantities import QUANTITIES, Quantity
+from tracknoise.tables.results import finished, ids
 from tracknoise.tables.run_table import Rows, RunTable, Value
-from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import TruthVerdict
 
 _SEPARATOR = ": "
 _ROW = "row of the table"
@@ -31,25 +29,13 @@ def results_of(tables: Mapping[RunTable, pl.DataFrame]) -> pl.DataFrame:
     polars.DataFrame
         Schema `RESULTS`.
     """
-    with_rows = [(table.rows, data) for table, data in tables.items() if table.rows is not None]
-    shared = frozenset[ResultTopic]().union(*(rows.topics for rows, _ in with_rows if len(rows.topics) > 1))
+    with_rows = [(table.rows, table.quantities, data) for table, data in tables.items() if table.rows is not None]
+    shared = frozenset[str]().union(*(rows.topics for rows, _, _ in with_rows if len(rows.topics) > 1))
     parts: list[pl.DataFrame] = []
-    for topics in (shared, frozenset(ResultTopic) - shared):  # tables that have rows in common, and all others at once
-        mine = ((rows, data) for rows, data in with_rows if rows.topics & topics)
-        parts.append(finished(part for rows, data in mine for _, part in _parts_of(rows, data)))
+    for has_shared in (True, False):  # tables that have rows in common, and all others at once
+        mine = (each for each in with_rows if bool(each[0].topics & shared) is has_shared)
+        parts.append(finished(part for each in mine for _, part in _parts_of(*each)))
     return pl.concat(parts)
-
-
-def run_results(run: RunFolder, tables: Iterable[RunTable]) -> pl.DataFrame:
-    """The table of results of a run: every number of its tables (schema `RESULTS`).
-
-    Raises
-    ------
-    StoreError, SchemaError
-        If the run is not finished, or a file is missing or damaged.
-    """
-    results = results_of({table: run.statistics(table) for table in tables})
-    return results if TruthVerdict.of_run(run).is_usable else beside_untrusted_truth(results)
 
 
 def with_ids(table: RunTable, found: pl.DataFrame) -> pl.DataFrame:
@@ -58,7 +44,7 @@ def with_ids(table: RunTable, found: pl.DataFrame) -> pl.DataFrame:
     names = {
         value.column: pl.Series(value.column, [None] * found.height, dtype=pl.String) for value in table.rows.values
     }
-    parts = list(_parts_of(table.rows, found))
+    parts = list(_parts_of(table.rows, table.quantities, found))
     every, start = ids(part for _, part in parts), 0
     for value, part in parts:
         names[value.column] = names[value.column].scatter(part[_ROW], every.slice(start, part.height))
@@ -66,7 +52,7 @@ def with_ids(table: RunTable, found: pl.DataFrame) -> pl.DataFrame:
     return found.with_columns(ids=pl.struct(*names.values()))
 
 
-def _parts_of(rows: Rows, table: pl.DataFrame) -> Iterator[tuple[Value, pl.DataFrame]]:
+def _parts_of(rows: Rows, own: Mapping[str, Quantity], table: pl.DataFrame) -> Iterator[tuple[Value, pl.DataFrame]]:
     """Rows of results of a table: a part for each of its values that has any, with the numbers of its rows."""
     for column, names in rows.packed.items():
         texts = [pl.col(name).cast(pl.String).fill_null("") for name in names]
@@ -85,7 +71,7 @@ def _parts_of(rows: Rows, table: pl.DataFrame) -> Iterator[tuple[Value, pl.DataF
             part = part.filter(pl.col(value.column).is_not_null())
         if part.is_empty():
             continue
-        unit = QUANTITIES[value.quantity].unit
+        unit = (own.get(value.quantity) or QUANTITIES[value.quantity]).unit
         constants = {"topic": value.topic or rows.topic, "quantity": value.quantity, "unit": unit, **value.labels}
         named = {name: column for name, column in keys.items() if name not in value.labels}
         sources = {**named, "value": value.column, **value.carried}

@@ -7,7 +7,7 @@ tables of settings and counts that they come from.
 """
 
 import hashlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from enum import StrEnum
 
 import polars as pl
@@ -15,7 +15,6 @@ import polars as pl
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import Behaviour, EffectIntervalKind, Shape, Verdict
-from tracknoise.tables.quantities import QUANTITIES, ResultTopic
 from tracknoise.tables.schema import ASPECT, POPULATION, TRIMMING, VIEW, WEIGHTING, Schema
 
 
@@ -43,12 +42,12 @@ _AXES = ("age", "frame", "lag", "lifetime", "window", "length")
 _NAME = pl.Categorical()
 """Names: few different ones in many rows."""
 IDENTITY: Schema = {
-    "quantity": pl.Enum(list(QUANTITIES)),
+    "quantity": _NAME,
     "dataset": _NAME,
     **{name: _NAME if kind == pl.String else kind for name, kind in VIEW.items()},
     "tracker": _NAME,
     "speed": pl.Int32,
-    "topic": pl.Enum(ResultTopic),
+    "topic": _NAME,
     "factor": _NAME,
     "of": _NAME,
     "axis": pl.Enum(_AXES),
@@ -137,27 +136,12 @@ def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:
     return pl.DataFrame([column.cast(kinds[column.name]) for column in rows.iter_columns() if column.name in kinds])
 
 
-_WITHOUT_TRUTH = (
-    *(ResultTopic.tracks, ResultTopic.causes),  # no errors
-    *(
-        ResultTopic.truth_floor,
-        ResultTopic.second_truth,
-        ResultTopic.pose_disagreement,
-        ResultTopic.pose_share,
-        ResultTopic.pose_errors,
-    ),  # of the truth
-    *(
-        ResultTopic.shared_motion,
-        ResultTopic.tracker_differences,
-        ResultTopic.seeds,
-    ),  # in which it cancels, or is told apart
-)
-"""Topics of numbers that errors of the truth do not change."""
+def beside_untrusted_truth(results: pl.DataFrame, without_truth: Collection[str]) -> pl.DataFrame:
+    """The same results, where numbers that are made from errors have the caveat that their truth is not trusted.
 
-
-def beside_untrusted_truth(results: pl.DataFrame) -> pl.DataFrame:
-    """The same results, where numbers that are made from errors have the caveat that their truth is not trusted."""
-    is_made_from_errors = ~pl.col("topic").is_in([str(topic) for topic in _WITHOUT_TRUTH])
+    `without_truth`: topics of the others.
+    """
+    is_made_from_errors = ~pl.col("topic").is_in(list(without_truth))
     caveat = pl.when(is_made_from_errors).then(pl.lit(str(Caveat.untrusted_truth)))
     marked = pl.concat_list(pl.col("caveats").cast(pl.List(pl.String)), caveat).list.drop_nulls()
     return results.with_columns(caveats=marked.cast(RESULTS["caveats"]))

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, TypeAlias
 
 import polars as pl
 
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.schema import CONDITION, VIEW, Schema
 
 Columns: TypeAlias = Mapping[str, str]
 """Columns of a table by columns of `RESULTS`."""
 Constants: TypeAlias = Mapping[str, Any]
+ALL_ROWS = pl.lit(value=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +43,7 @@ class Value:
     labels: Constants = field(default_factory=dict)
     rows: Constants = field(default_factory=dict)
     carried: Columns = field(default_factory=dict)
-    topic: ResultTopic | None = None
+    topic: str | None = None
     always: bool = False
 
 
@@ -61,13 +63,13 @@ class Rows:
         A column of the identity, and columns of the table that it holds as text, joined by a colon.
     """
 
-    topic: ResultTopic
+    topic: str
     keys: Columns
     values: Sequence[Value]
     packed: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
     @property
-    def topics(self) -> frozenset[ResultTopic]:
+    def topics(self) -> frozenset[str]:
         """Topics of its rows."""
         return frozenset(value.topic or self.topic for value in self.values)
 
@@ -85,11 +87,28 @@ class RunTable(dict[str, pl.DataType | type[pl.DataType]]):
         Of results that it makes; None where it has no numbers of its own.
     title
         Of its file in a report; empty where it has none as it is.
+    verdicts
+        Its rows that are in the document of findings; None where none are.
+    quantities
+        Of its numbers, without those of `tracknoise.tables.quantities.QUANTITIES`.
+    without_truth
+        Whether errors of the truth change none of its numbers.
     """
 
-    def __init__(self, name: str, columns: Schema, rows: Rows | None = None, *, title: str = "") -> None:
+    def __init__(
+        self,
+        name: str,
+        columns: Schema,
+        rows: Rows | None = None,
+        *,
+        title: str = "",
+        verdicts: pl.Expr | None = None,
+        quantities: Mapping[str, Quantity] = MappingProxyType({}),
+        without_truth: bool = False,
+    ) -> None:
         super().__init__(columns)
-        self.name, self.rows, self.title = name, rows, title
+        self.name, self.rows, self.title, self.verdicts = name, rows, title, verdicts
+        self.quantities, self.without_truth = quantities, without_truth
 
     def __hash__(self) -> int:  # type: ignore[override]
         return hash(self.name)
@@ -97,7 +116,7 @@ class RunTable(dict[str, pl.DataType | type[pl.DataType]]):
     @property
     def are_curves(self) -> bool:
         """Whether it holds curves of errors and nothing else."""
-        return self.rows is not None and self.rows.topics == {ResultTopic.errors}
+        return self.rows is not None and self.rows.topics == {"errors"}
 
 
 def same(*names: str) -> dict[str, str]:
@@ -126,6 +145,6 @@ def by_quantity(names: Mapping[str, tuple[str, Constants]], carried: Columns, **
     ]
 
 
-def one_number(topic: ResultTopic, quantity: str, value: str, keys: Columns, carried: Columns) -> Rows:
+def one_number(topic: str, quantity: str, value: str, keys: Columns, carried: Columns) -> Rows:
     """A table with one number in each row."""
     return Rows(topic, keys, [Value(quantity, value, carried=carried)])

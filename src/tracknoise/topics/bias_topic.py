@@ -5,7 +5,10 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import Estimand, RoleValues
+from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.run_inputs import RunInputs
+from tracknoise.analysis.scene_values import SIGNED
 from tracknoise.analysis.zero_mean import ZERO_MEAN, verdict_at, zero_mean
 from tracknoise.inference.estimates import Estimate
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
@@ -231,4 +234,13 @@ BIAS = Topic(
     headline=bias,
     measure=bias_measure,
     rows_of_card=("bias",),
+    compared=(
+        Estimand(
+            "bias",
+            "Size of the mean error in u or v, mean over scenes, at the age (or frame) that changed most clearly.",
+            RoleValues(SIGNED),
+            Unit.px,
+            of_errors=True,
+        ),
+    ),
 )

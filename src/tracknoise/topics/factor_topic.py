@@ -18,7 +18,6 @@ from tracknoise.statistics.yardstick import FACTORS
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.findings_schema import CURVES, EFFECTS
 from tracknoise.tables.schema import empty
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.answer_summary import Answer, Judgement, Measure
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, TrackerPart, ids_of, leading
 from tracknoise.topics.measures import answer, reported_conditions, shown_size
@@ -178,7 +177,7 @@ def best(data: RunData, tracker: str, role: str, question: str) -> Answer | None
 
 def accuracy(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     """Which tracker is more accurate, and by how much: by the core, and by the RMS over tracks where that differs."""
-    if (truth := TruthVerdict.of(data["trust"])).are_tracks_wrong:
+    if (truth := data.truth).are_tracks_wrong:
         return Judgement(answer(_QUESTION, Verdict.undecided, wished=Verdict.yes), truth.text, _SECTION)
     if len(data.trackers) < 2:
         return _alone(errors)
@@ -234,7 +233,7 @@ def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
     Errors of the truth are the same for all trackers: they add to the squared errors of each, so that ratios are nearer
     to 1 than those of the trackers alone, and the order stays. In differences at the same corners they cancel.
     """
-    if TruthVerdict.of(data["trust"]).is_usable:
+    if data.truth.is_usable:
         return found
     is_better = found.answer.verdict == Verdict.yes
     alike = "Errors of the truth are the same for all: the order holds, and the ratio is at least this."

@@ -6,6 +6,7 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.time_structure import LONG_LIVED, TIME_STRUCTURE, lagged, time_structure
 from tracknoise.inference.estimates import Estimate
@@ -289,4 +290,13 @@ GROWTH = Topic(
     headline=growth,
     measure=growth_measure,
     rows_of_card=("growth",),
+    compared=(
+        Estimand(
+            "growth",
+            "Factor by which the second moment grows from the youngest to the oldest age, by a straight line through "
+            f"logarithms: {OVER_SCENES} and both coordinates.",
+            RoleValues("growth", axes=(Axis.age,)),
+            of_errors=True,
+        ),
+    ),
 )

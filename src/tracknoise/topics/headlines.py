@@ -9,7 +9,7 @@ import polars as pl
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
 from tracknoise.tables.trust import TruthVerdict
-from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.catalogue import RUN_TABLES, TOPICS
 from tracknoise.topics.headline import ReportedConditions, RunTables
 from tracknoise.topics.topic import Basis
 
@@ -51,24 +51,21 @@ def findings_json(tables: RunTables) -> str:
     Parameters
     ----------
     tables
-        By their names: findings, zero_mean, gaussianity, time_structure, dependence, intervals and triangulated_noise.
+        All tables of the run, by their names.
 
     Returns
     -------
     str
-        An object with `format`; the rows of each table, but of `zero_mean` only those of all ages together, and of
-        `intervals` only those of numbers that have no axis. A row is an object of its columns. What is missing is
-        null, what is infinite the string ``Infinity`` or ``-Infinity``.
+        An object with `format`, and the rows of each table: the findings, and the verdicts of every table that has any.
+        A row is an object of its columns. What is missing is null, what is infinite the string ``Infinity`` or
+        ``-Infinity``.
     """
-    chosen = {
-        "findings": tables["findings"],
-        "zero_mean": tables["zero_mean"].filter(pl.col("at").is_null()),
-        "gaussianity": tables["gaussianity"],
-        "time_structure": tables["time_structure"],
-        "dependence": tables["dependence"],
-        "intervals": tables["intervals"].filter(pl.col("at").is_null()),
-        "triangulated_noise": tables["triangulated_noise"],
+    verdicts = {
+        table.name: tables[table.name].filter(table.verdicts)
+        for table in RUN_TABLES.values()
+        if table.verdicts is not None
     }
+    chosen = {FINDINGS.name: tables[FINDINGS.name], **verdicts}
     document = {"format": FORMAT, **{name: _rows(table) for name, table in chosen.items()}}
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 

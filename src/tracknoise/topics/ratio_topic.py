@@ -5,6 +5,8 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import Estimand, TableValues
+from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.ratio_intervals import (
     POINT_TRACKING_METRICS,
     RATIO_VALUES,
@@ -14,10 +16,11 @@ from tracknoise.analysis.ratio_intervals import (
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.tables.quantities import QUANTITIES, RATIOS
+from tracknoise.tables.enumerations import Axis, Trimming
+from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
 from tracknoise.topics.measures import first
-from tracknoise.topics.topic import NO_ROWS, Topic, pooled
+from tracknoise.topics.topic import NO_ROWS, Curve, Topic, pooled
 from tracknoise.words import bounds_text, format_estimate
 
 _LEAST = 100
@@ -89,6 +92,57 @@ def _brief(rows: pl.DataFrame, conditions: ReportedConditions) -> str:
     return f"{QUANTITIES[name].title}: {' and '.join(values[:_NAMED])}."
 
 
+_LEAST_OF_SCENE = 30
+"""Fewest features that a ratio of a scene at an age rests on."""
+_AS_DEFINED = "as TAP-Vid defines it for images of 256 x 256 pixels, mean over scenes."
+_METRICS = {
+    "tap_delta_avg": ("delta_avg", "position accuracy (TAP)", f"Delta average, {_AS_DEFINED}"),
+    "tap_delta_avg_reported": (
+        "delta_avg_reported",
+        "accuracy of reported positions",
+        f"Delta average of the positions that are reported as visible, {_AS_DEFINED}",
+    ),
+    "tap_average_jaccard": ("average_jaccard", "average Jaccard (TAP)", f"Average Jaccard, {_AS_DEFINED}"),
+    "tap_occlusion_accuracy": ("occlusion_accuracy", "occlusion accuracy (TAP)", f"Occlusion accuracy, {_AS_DEFINED}"),
+    "expected_feature_age": (
+        "expected_feature_age",
+        "expected feature age",
+        "Share of its visible time for which a point is tracked, in images of 256 x 256 pixels, mean over scenes.",
+    ),
+}
+"""Metrics of point trackers that runs are compared by: the column, what it is called, and what is estimated."""
+
+
+def _of_ratio(name: str) -> Estimand:
+    """Ratios of sums over features of each scene and age that has enough features."""
+    quantity = QUANTITIES[name]
+
+    def numbers(sums: pl.DataFrame) -> pl.DataFrame:
+        added = sums.filter(quantity=name).group_by("scene", "at", maintain_order=True).agg(pl.col("n", "sum").sum())
+        return added.filter(pl.col("n") >= _LEAST_OF_SCENE).with_columns(value=pl.col("sum") / pl.col("n"))
+
+    return Estimand(
+        name,
+        f"{quantity.estimand} Untrimmed, mean over scenes and ages.",
+        TableValues("ratio_sums", numbers, {"trimming": Trimming.untrimmed}, Axis.age),
+        Unit.ratio if quantity.compared == ComparedBy.ratio else Unit.share,
+        quantity.title.lower(),
+        larger_is_better=quantity.better == Better.larger,
+        of_errors=True,
+    )
+
+
+def _of_metric(name: str) -> Estimand:
+    column, title, meaning = _METRICS[name]
+
+    def numbers(metrics: pl.DataFrame) -> pl.DataFrame | None:
+        reported = metrics.drop_nulls(column)
+        return None if reported.is_empty() else reported.select("scene", value=column)
+
+    values = TableValues("point_tracking", numbers, {"raster": "256x256"})
+    return Estimand(name, meaning, values, Unit.share, title, larger_is_better=True)
+
+
 RATIOS_OF_SUMS = Topic(
     "ratios",
     (
@@ -97,4 +151,9 @@ RATIOS_OF_SUMS = Topic(
     ),
     headline=ratios,
     of_these_scenes=True,
+    curves=[Curve(name, RATIO_VALUES, "error-by-tracker", {"quantity": name}) for name in RATIOS],
+    compared=(
+        *map(_of_metric, _METRICS),
+        *(_of_ratio(name) for name in RATIOS if QUANTITIES[name].compared != ComparedBy.none),
+    ),
 )

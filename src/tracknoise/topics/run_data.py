@@ -15,7 +15,9 @@ from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
+from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import view_text
 
 MOST_CONDITIONS = 40
@@ -48,6 +50,16 @@ class RunData:
     def with_tables(self, **tables: pl.DataFrame) -> Self:
         """The same data with other tables in place of some of the run."""
         return replace(self, tables={**self.tables, **tables})
+
+    @cached_property
+    def truth(self) -> TruthVerdict:
+        """The verdict on the truth."""
+        return TruthVerdict.of(self["trust"])
+
+    @property
+    def truth_change(self) -> str | None:
+        """What the run changed in the verdict of a check, and why; None where it knows of no check."""
+        return truth_change(self.run, self["trust"])
 
     @property
     def name(self) -> str:

@@ -5,6 +5,7 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues
 from tracknoise.analysis.gaussianity import GAUSSIANITY, RADII, gaussianity
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
@@ -138,4 +139,13 @@ SHAPE = Topic(
     headline=shape,
     measure=shape_measure,
     rows_of_card=("tails",),
+    compared=(
+        Estimand(
+            "tails",
+            "Share of the errors of a scene that are larger than three cores of their age, all ages together: "
+            f"{OVER_SCENES} and both coordinates.",
+            RoleValues("tails"),
+            of_errors=True,
+        ),
+    ),
 )

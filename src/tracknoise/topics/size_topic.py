@@ -6,10 +6,11 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
+from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues
+from tracknoise.analysis.paired_tests import Family
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
 from tracknoise.topics.headline import (
@@ -259,10 +260,33 @@ def size_measure(subject: Subject) -> Measure | None:
         sentence = f"The error of {subject.tracker} is {missing}."
         return Measure("error", "px", number, None, smallest, f"{quantity} in {axis} {missing}", sentence, _SECTION)
     note = f"{quantity} in {axis} {place}; in {other_axis} {other_number.text}"
-    most = at_most(TruthVerdict.of(subject.data["trust"]))
+    most = at_most(subject.data.truth)
     sentence = f"The {quantity} of {subject.tracker} in {axis} is {most}{with_interval(number)}."
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 
-SIZE = Topic("noise", headline=size, measure=size_measure, in_cards=ABOUT_TRACKS, rows_of_card=("error", "noise"))
+SIZE = Topic(
+    "noise",
+    headline=size,
+    measure=size_measure,
+    in_cards=ABOUT_TRACKS,
+    rows_of_card=("error", "noise"),
+    compared=(
+        Estimand(
+            "core",
+            f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
+            RoleValues("core"),
+            called="core of the errors",
+            family=Family.sizes,
+            of_errors=True,
+        ),
+        Estimand(
+            "second_moment",
+            f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
+            RoleValues("second"),
+            family=Family.sizes,
+            of_errors=True,
+        ),
+    ),
+)
 SURVIVORSHIP = Topic("survivorship", headline=survivorship, of_these_scenes=True)

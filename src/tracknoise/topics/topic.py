@@ -3,16 +3,17 @@
 `tracknoise.topics.catalogue` lists all topics. What makes, stores, words and shows a run goes through that list.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
 import polars as pl
 
 from tracknoise.analysis.condition_units import Sampling
+from tracknoise.analysis.estimand import Estimand
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.tables.run_table import RunTable
+from tracknoise.tables.run_table import ALL_ROWS, RunTable
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
 from tracknoise.topics.measures import Subject
@@ -20,7 +21,6 @@ from tracknoise.topics.run_data import RunData
 
 Pool: TypeAlias = Callable[[Iterator[pl.DataFrame], Sampling], pl.DataFrame]
 NO_ROWS = pl.lit(value=False)
-ALL_ROWS = pl.lit(value=True)
 
 
 class Basis(StrEnum):
@@ -85,6 +85,17 @@ def make_tables(analyses: Iterable[Analysis], inputs: RunInputs) -> list[Analysi
 
 
 @dataclass(frozen=True)
+class Curve:
+    """A figure of a number of each tracker by age, with its interval."""
+
+    quantity: str  # with its title
+    table: RunTable  # columns at, n (features), value, low, high, and what intervals are of
+    section: str  # of the report
+    rows: Mapping[str, str] = field(default_factory=dict)  # values of columns of the table in its rows
+    combined: str = "features pooled"  # how features or scenes are
+
+
+@dataclass(frozen=True)
 class Topic:
     """What a run says about one thing.
 
@@ -108,6 +119,10 @@ class Topic:
         The finding in a short sentence about one tracker. Where there is none, the brief text of the finding is used.
     of_these_scenes
         Whether the brief text has numbers of the measured scenes.
+    compared
+        Statistics of it that runs are compared by.
+    curves
+        Its figures.
     """
 
     name: str
@@ -119,3 +134,5 @@ class Topic:
     rows_of_card: Sequence[str] = ()
     sentence: Callable[[RunData, str], str] | None = None
     of_these_scenes: bool = False
+    compared: Sequence[Estimand] = ()
+    curves: Sequence[Curve] = ()

@@ -6,7 +6,9 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues, TableValues
 from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
+from tracknoise.analysis.paired_tests import Family
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
@@ -167,6 +169,14 @@ OUTLIERS_OF_TRACKERS = Topic(
     measure=outliers_measure,
     in_cards=tuple(Basis),
     rows_of_card=("outliers",),
+    compared=(
+        Estimand(
+            "outlier_ratio",
+            f"Features rejected as outliers, divided by features offered: {OVER_SCENES}.",
+            RoleValues("outlier_ratio", axes=(None,)),
+            family=Family.ends,
+        ),
+    ),
 )
 LIFETIMES_OF_TRACKS = Topic(
     "lifetimes",
@@ -176,4 +186,19 @@ LIFETIMES_OF_TRACKS = Topic(
     measure=lifetime_measure,
     in_cards=tuple(Basis),
     rows_of_card=("lifetime",),
+    compared=(
+        Estimand(
+            "lifetime",
+            f"Restricted mean lifetime to a horizon that all scenes reach in both runs: {OVER_SCENES}.",
+            RoleValues("lifetime", axes=(None,)),
+            larger_is_better=True,
+            family=Family.ends,
+        ),
+        Estimand(
+            "feature_count",
+            f"Mean number of features per frame: {OVER_SCENES}.",
+            TableValues("frames", lambda frames: frames.group_by("scene").agg(value=pl.col("alive").mean())),
+            larger_is_better=True,
+        ),
+    ),
 )

@@ -217,7 +217,7 @@ def fitted_measure(subject: Subject, smallest: Answer | None) -> Measure | None:
     if row is None:
         return None
     shown = card_number(Estimate.of_row(row, "sigma_px", "low", "high", "px"))
-    most = at_most(TruthVerdict.of(subject.data["trust"]))
+    most = at_most(subject.data.truth)
     note = f"{'upper bound of the ' if most else ''}standard deviation of one coordinate, corrected for the fit"
     sentence = f"The noise of {subject.tracker} in one coordinate is {most}{with_interval(shown)}."
     return Measure("noise", "px", shown, None, smallest, note, sentence, "findings")
@@ -230,7 +230,7 @@ _IS_GOOD = {Trust.trusted: True, Trust.not_trusted: False}
 
 def truth(data: RunData) -> Judgement:
     """Whether the true positions can be trusted, and what would help most."""
-    trust = TruthVerdict.of(data["trust"])
+    trust = data.truth
     step = f" Next: {trust.step}" if trust.step else ""
     answered = Answer("truth", trust.verdict, _IS_GOOD.get(trust.verdict))
     return Judgement(answered, f"{trust.text}{without_truth(data)}{step}", "truth")

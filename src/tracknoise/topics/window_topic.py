@@ -1,19 +1,22 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues, all_rows
+from tracknoise.analysis.paired_tests import Family
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator
 from tracknoise.estimators.model import Purpose
-from tracknoise.estimators.window_noise import WINDOW_SIGMAS, window_sigmas
+from tracknoise.estimators.window_noise import WINDOW_SIGMAS, scene_quantities, window_sigmas
 from tracknoise.inference.estimates import Estimate
+from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.tables.enumerations import Trust
+from tracknoise.tables.enumerations import Trimming, Trust
 from tracknoise.tables.trust import TruthVerdict, explained_share
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.measures import reported_conditions, short
@@ -325,6 +328,35 @@ def _window_sigmas(inputs: RunInputs) -> list[pl.DataFrame]:
     return [window_sigmas(noise, blocks, inputs.sampling)]
 
 
+_LEAST_OF_SCENE = 10
+"""Fewest windows that a quantity of a scene rests on."""
+
+
+def _of_windows(
+    quantity: str, paired: Callable[[pl.DataFrame, pl.DataFrame], Sequence[pl.DataFrame]] = all_rows
+) -> TableValues:
+    """One of the quantities of windows of every scene."""
+
+    def numbers(windows: pl.DataFrame) -> pl.DataFrame:
+        enough = pl.col("n") >= _LEAST_OF_SCENE
+        return scene_quantities(windows).filter(enough, quantity=quantity).rename({"window": "at"})
+
+    return TableValues("window_noise", numbers, {"trimming": Trimming.untrimmed}, "window", paired)
+
+
+def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> Sequence[pl.DataFrame]:
+    """Rows of the longest windows that findings report and enough scenes of both runs have.
+
+    The sigma for depths depends on the length of windows, so that a mean over lengths is no sigma that anyone sets.
+    """
+    both = first.join(second, on=["scene", "at"]).filter(pl.col("at") <= LONGEST_WINDOW)
+    counts = both.group_by("at").len()
+    most = counts.select(pl.col("len").max()).item() or 0
+    enough = counts.filter(pl.col("len") >= max(most / 2, min(most, MIN_SCENES))).sort("at")["at"]
+    longest = pl.col("at").is_in(enough.tail(1).to_list())
+    return first.filter(longest), second.filter(longest)
+
+
 ESTIMATOR = Topic("estimator", headline=estimator_noise)
 DEPTH_NOISE = Topic(
     "depth noise",
@@ -332,4 +364,25 @@ DEPTH_NOISE = Topic(
     headline=depth_noise,
     holds=ABOUT_TRACKS,
     sentence=depth_noise_sentence,
+    compared=(
+        Estimand(
+            "consistent_sigma",
+            "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
+            f"enough scenes of both runs have: {OVER_SCENES}.",
+            _of_windows("consistent_sigma", _at_the_reported_window),
+            called="sigma for depths",
+            family=Family.sizes,
+        ),
+        Estimand(
+            "residual_sigma",
+            f"Residual core of windows of observations: {OVER_SCENES} and lengths of windows.",
+            _of_windows("residual_core"),
+            called="residual core",
+        ),
+        Estimand(
+            "overconfidence",
+            f"Consistent sigma of windows, divided by their residual core: {OVER_SCENES} and lengths.",
+            _of_windows("core_overconfidence"),
+        ),
+    ),
 )

@@ -31,7 +31,7 @@ from tracknoise.inference.intervals import Method, pooled
 from tracknoise.statistics.definitions import POOLED, REFERENCE_AGE
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
-from tracknoise.tables.quantities import ResultTopic
+from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, OF_VIEW, Rows, RunTable, Value, one_number
 from tracknoise.tables.schema import FITTED_TO, POSE_GROWTH, RIGID, VIEW, check, empty
 from tracknoise.tables.schema import POOLED as CONDITIONS
@@ -44,7 +44,7 @@ def _shared_motion() -> Rows:
         Value("shared_motion_moment", "left_px2", {"against": "left"}),
     ]
     keys = {**OF_CONDITION, "part": "fitted_to", "at": "age", "coordinate": "coordinate"}
-    return Rows(ResultTopic.shared_motion, keys, values)
+    return Rows("shared motion", keys, values)
 
 
 RIGID_SHARE = RunTable(
@@ -62,6 +62,11 @@ RIGID_SHARE = RunTable(
     },
     _shared_motion(),
     title="share of errors that pose errors explain",
+    quantities={
+        "shared_motion": Quantity("share", "Share of the second moment that one small pose error per frame explains."),
+        "shared_motion_moment": Quantity("px^2", "Second moment before and after a correction of the poses."),
+    },
+    without_truth=True,
 )
 """Share of the second moment of the errors that one small pose error per frame explains, by age.
 
@@ -80,14 +85,14 @@ POSE_SHARE = RunTable(
         "share": pl.Float64,
         **INTERVAL_COLUMNS,
     },
-    one_number(
-        ResultTopic.pose_share,
-        "pose_share",
-        "share",
-        {**OF_CONDITION, "part": "fitted_to"},
-        ESTIMATED_OF_N,
-    ),
+    one_number("pose share", "pose_share", "share", {**OF_CONDITION, "part": "fitted_to"}, ESTIMATED_OF_N),
     title="share of errors without outliers that pose errors explain",
+    quantities={
+        "pose_share": Quantity(
+            "share", "Share of the squared errors up to the reference age, without outliers, that pose errors explain."
+        ),
+    },
+    without_truth=True,
 )
 """The same share of both coordinates and of all steps up to the reference age together, without outliers: (pose.share).
 
@@ -106,13 +111,15 @@ POSE_LAW = RunTable(
         **ESTIMATE_COLUMNS,
     },
     one_number(
-        ResultTopic.pose_errors,
+        "pose errors",
         "pose_error",
         "value",
         {"dataset": "dataset", **OF_VIEW, "part": "motion", "of": "law"},
         ESTIMATED_OF_N | {"unit": "unit"},
     ),
     title="growth of pose errors",
+    quantities={"pose_error": Quantity(None, "Growth law of the errors of the stated poses.")},
+    without_truth=True,
 )
 """Growth law of the errors of the stated poses, fitted to `POSE_GROWTH`: one row per motion and part of the law.
 

@@ -64,7 +64,7 @@ class Family:
 
 
 _MODULES = (
-    *("noise_models", "error_curves", "rankings", "ratio_curves", "track_ends", "levels", "distributions"),
+    *("noise_models", "error_curves", "rankings", "topic_curves", "track_ends", "levels", "distributions"),
     *("growth_curves", "maps", "truth_curves", "frames"),
 )
 """Modules of this package that draw. The figures of a section are in the order of these."""

@@ -1,6 +1,7 @@
-"""Ratios of sums over features by age: one figure for each quantity that the catalogue declares."""
+"""Numbers of trackers by age: one figure for each curve that a topic declares."""
 
 from collections.abc import Sequence
+from functools import partial
 
 import altair as alt
 import polars as pl
@@ -10,29 +11,30 @@ from tracknoise.report.figures.error_curves import no_curve
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, curves
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.quantities import QUANTITIES, RATIOS, Quantity
+from tracknoise.tables.quantities import Quantity
 from tracknoise.topics.bands import AGE, describe_bounds
+from tracknoise.topics.catalogue import CURVES_OF_TOPICS, EVERY_QUANTITY
+from tracknoise.topics.topic import Curve
 
 
-def ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
-    """One figure per quantity: a curve per tracker at the lowest speed."""
-    return [_figure(data, name) for name in RATIOS]
+def topic_figures(data: ReportData, *, section: str) -> Sequence[Figure | Absence]:
+    """One figure per curve of a section: a line per tracker at the lowest speed."""
+    return [_figure(data, curve) for curve in CURVES_OF_TOPICS if curve.section == section]
 
 
-def _figure(data: ReportData, name: str) -> Figure | Absence:
-    quantity, id = QUANTITIES[name], name.replace("_", "-")
-    enough = pl.col("n") >= data.min_features
-    table = data.nominal(data["ratios"]).filter(enough, quantity=name, trimming=data.trimming).sort("tracker", "at")
+def _figure(data: ReportData, curve: Curve) -> Figure | Absence:
+    quantity, id = EVERY_QUANTITY[curve.quantity], curve.quantity.replace("_", "-")
+    chosen = {**curve.rows, **({"trimming": data.trimming} if "trimming" in curve.table else {})}
+    table = data.nominal(data[curve.table.name]).filter(pl.col("n") >= data.min_features, **chosen)
     if table.is_empty():
         return Absence(id, quantity.title, no_curve(data))
     shows = (
-        f"{quantity.estimand} At speed {data.slowest}{data.where}, by {data.axis.name}, features pooled, of "
+        f"{quantity.estimand} At speed {data.slowest}{data.where}, by {data.axis.name}, {curve.combined}, of "
         f"{data.tracks_shown}. {describe_bounds(table, of='the curves')}"
     )
     better = f"A {quantity.better} value is better." if quantity.better != "neither" else ""
-    return Figure(
-        id, quantity.title, shows, better, arranged([_panel(data, table, quantity)], columns=1, independent=["fill"])
-    )
+    panel = _panel(data, table.sort("tracker", "at"), quantity)
+    return Figure(id, quantity.title, shows, better, arranged([panel], columns=1, independent=["fill"]))
 
 
 def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
@@ -47,5 +49,7 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     return curves(columns, "tracker", "u", x, y, colours, tips, height=190, point=20, clip=False)
 
 
-FIGURES: Sections = {"error-by-tracker": (ratio_figures,)}
+FIGURES: Sections = {
+    section: (partial(topic_figures, section=section),) for section in {curve.section for curve in CURVES_OF_TOPICS}
+}
 """What this module draws, by the section of the report."""

@@ -89,6 +89,13 @@ def test_a_zero_in_one_run_alone_cannot_be_within_the_margin():
     assert "value of 0" in row.why
 
 
+def test_lifetimes_that_most_tracks_outlive_are_never_shown_to_be_alike():
+    same, outlived = asked("lifetime", 0.0), asked("lifetime", 0.0, gap="more than half of the tracks live on")
+    assert [row.verdict for row in verdicts([same])] == ["no difference"]
+    (row,) = verdicts([outlived])
+    assert (row.verdict, row.why) == ("undecided", "more than half of the tracks live on")
+
+
 def test_the_margin_of_a_bias_is_a_share_of_the_core():
     total = np.random.default_rng(1).standard_normal((10, 2)) * 0.01
     pair = paired(total + 0.3, np.array([4]), n_coordinates=2, total=(total + 0.5)[:, None], scale_px=0.4)

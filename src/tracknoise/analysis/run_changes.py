@@ -225,7 +225,7 @@ class Asked(OfEstimand):
         if question is None:
             few = f"{only(self.n_scenes, 'scene')} with data in both runs; {AT_LEAST}"
             return Tested(self, gap=few if self.n_scenes < MIN_SCENES else why_not_asked(self.values.both, self.group))
-        found, gap = change(self.values, question, ages), None
+        found, gap = change(self.values, question, ages), self.values.gap
         if found is None:
             with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
             gap = f"{only(with_data, 'scene')} with enough data in both runs; {AT_LEAST}"

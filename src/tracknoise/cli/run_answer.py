@@ -88,14 +88,7 @@ def _trust(data: ReportData) -> list[str]:
     verdict = joined([truth.opening, *why, *(f"Next: {text}" for text in step)])
     change = joined(sentences_of(data.truth_change or "")[:1])
     lost = without_truth(data).strip() if depth_is_from_images(data) else ""
-    return [
-        verdict,
-        truth.poses,
-        truth.stated,
-        lost,
-        change,
-        *data["findings"].filter(topic="copies")["brief"],
-    ]
+    return [verdict, truth.poses, truth.stated, lost, change, *data["findings"].filter(topic="copies")["brief"]]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:

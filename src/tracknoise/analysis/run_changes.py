@@ -225,7 +225,7 @@ class Asked(OfEstimand):
         if question is None:
             few = f"{only(self.n_scenes, 'scene')} with data in both runs; {AT_LEAST}"
             return Tested(self, gap=few if self.n_scenes < MIN_SCENES else why_not_asked(self.values.both, self.group))
-        found, gap = change(self.values, question, ages), self.values.gap
+        found, gap = change(self.values, question, ages), None
         if found is None:
             with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
             gap = f"{only(with_data, 'scene')} with enough data in both runs; {AT_LEAST}"
@@ -291,7 +291,8 @@ class Tested:
         found = self.found
         if found is None:
             return ChangeVerdict.undecided, self.gap
-        differs = decided(found.p_none, adjusted, q_none, level, has_gap=self.gap is not None)
+        gap = self.gap or self.asked.values.gap
+        differs = decided(found.p_none, adjusted, q_none, level, has_gap=gap is not None)
         if differs == Verdict.yes:
             is_worse = found.direction == self.asked.worse
             return ChangeVerdict.worse if is_worse else ChangeVerdict.better, self._contrary(found, level)
@@ -299,7 +300,7 @@ class Tested:
             return ChangeVerdict.none, None
         contains = found.straddles(margin)
         why = why_open(found.p_change, found.p_none, level, contains=contains, otherwise=UNSURE)
-        return ChangeVerdict.undecided, self.gap or why
+        return ChangeVerdict.undecided, gap or why
 
     def _contrary(self, found: Change, level: float) -> str | None:
         """A remark where single ages changed in the other direction."""

@@ -123,8 +123,8 @@ def _placed(
     group = groups.of(scenes["dataset"][0], names) if groups.names and names else np.arange(len(names))
     resampled = scheme(group)
     if resampled is not None or blocks is None or blocks.is_empty():
-        known = None if resampled is None else group
-        return scenes, UnitPlaces(_points(scenes, points), tuple(names), scene, 1, resampled, known)
+        of_groups = None if resampled is None else group
+        return scenes, UnitPlaces(_points(scenes, points), tuple(names), scene, 1, resampled, of_groups)
     with_blocks, index = number_names(blocks["scene"])
     scene = np.searchsorted(names, with_blocks)[index]
     unit = scene * BLOCKS + blocks["block"].to_numpy().astype(np.intp)
@@ -167,29 +167,29 @@ def groups_of_scenes(
     declared
         Patterns of the names of scenes by group, the first that fits counts; None for what the readers know.
     """
-    found: dict[tuple[str, str], str] = {}
+    names: dict[tuple[str, str], str] = {}
     for entry in sequences.values():
         scene = entry.sequence.scene
         group = entry.group if declared is None else _declared(scene, declared)
         if group is not None:
-            found[entry.sequence.dataset, scene] = group
+            names[entry.sequence.dataset, scene] = group
     copies = _copies(sequences)
     if declared is None:
         for (dataset, scene), original in copies.items():
-            found[dataset, scene] = found.setdefault((dataset, original), f"copies of {original}")
-    return SceneGroups(found, copies)
+            names[dataset, scene] = names.setdefault((dataset, original), f"copies of {original}")
+    return SceneGroups(names, copies)
 
 
 def _copies(sequences: Mapping[str, SequenceEntry]) -> dict[tuple[str, str], str]:
     """Scenes whose image in the run folder has the pixels of that of an earlier scene, and the earlier one."""
     first: dict[tuple[str, str], str] = {}
-    found: dict[tuple[str, str], str] = {}
+    groups: dict[tuple[str, str], str] = {}
     for _, entry in sorted(sequences.items()):
         dataset, scene = entry.sequence.dataset, entry.sequence.scene
         original = first.setdefault((dataset, entry.image), scene) if entry.image else scene
         if original != scene:
-            found.setdefault((dataset, scene), found.get((dataset, original), original))
-    return found
+            groups.setdefault((dataset, scene), groups.get((dataset, original), original))
+    return groups
 
 
 def _declared(scene: str, groups: Mapping[str, Sequence[str]]) -> str | None:
@@ -297,27 +297,36 @@ def condition_table(
     return pl.concat([empty(schema), *typed])
 
 
-def estimated(labels: pl.DataFrame, found: EstimateArray, units: Units, schema: Schema, *, value: str) -> pl.DataFrame:
+def estimated(
+    labels: pl.DataFrame, estimates: EstimateArray, units: Units, schema: Schema, *, value: str
+) -> pl.DataFrame:
     """Labels with the estimates that they are of, in a column named `value`, their bounds, and how these were made.
 
     Numbers that are unknown are null.
     """
     columns = {value: "value", **{name: name for name in _NUMBERS}}
-    arrays = {name: getattr(found, source).ravel() for name, source in columns.items()}
+    arrays = {name: getattr(estimates, source).ravel() for name, source in columns.items()}
     numbers = pl.DataFrame(arrays, nan_to_null=True)
-    made = {"kind": found.kind, "level": found.level, "resampled": units.resampled}
+    made = {"kind": estimates.kind, "level": estimates.level, "resampled": units.resampled}
     return labels.hstack(numbers).with_columns_seq(
         pl.lit(text, dtype=schema[name]).alias(name) for name, text in made.items()
     )
 
 
 def estimates_by_point(
-    found: EstimateArray, units: Units, schema: Schema, *, value: str = "value", statistics: pl.DataFrame | None = None
+    estimates: EstimateArray,
+    units: Units,
+    schema: Schema,
+    *,
+    value: str = "value",
+    statistics: pl.DataFrame | None = None,
 ) -> pl.DataFrame:
     """Rows of every statistic at every point as `estimated` makes them, and n.
 
     `statistics`: their labels, a row for each, where there are several. n is the sum of the first column of `units`.
     """
     labels = units.points if statistics is None else statistics.join(units.points, how="cross")
-    n = np.tile(units.sums[..., 0].sum(axis=0), len(found.value))
-    return estimated(labels, found, units, schema, value=value).with_columns_seq(pl.Series("n", n, dtype=pl.Float64))
+    n = np.tile(units.sums[..., 0].sum(axis=0), len(estimates.value))
+    return estimated(labels, estimates, units, schema, value=value).with_columns_seq(
+        pl.Series("n", n, dtype=pl.Float64)
+    )

@@ -229,7 +229,7 @@ def _of_all(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     units = units_of(sums, sums, points=["trimming"], columns=_COLUMNS, groups=draws.groups)
     names = {**{name.replace("inside", "coverage"): "logit" for name in _COVERAGE}, "nees": "log"}
     narrow = replace(method, level=1.0 - (1.0 - method.level) / len(SHAPES))
-    found = [
+    rows = [
         _estimates(units, names, _shares_and_nees, draws, method),
         _estimates(units, dict.fromkeys(SHAPES, "log"), _shape_ratios, draws, narrow),
         _estimates(_peaks(units), {"fourth": "log"}, column_means, draws, method),
@@ -238,9 +238,9 @@ def _of_all(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
         _estimates(_every(units), {"impossible": "logit"}, column_means, draws, method),
     ]
     if (gains := _gains(units)) is not None:
-        found.append(_estimates(gains, {"gain": "linear"}, column_means, draws, method))
+        rows.append(_estimates(gains, {"gain": "linear"}, column_means, draws, method))
     nothing = {"axis": pl.lit(None, dtype=pl.String), "at": pl.lit(None, dtype=pl.Int64)}
-    return pl.concat(found).with_columns(**nothing)
+    return pl.concat(rows).with_columns(**nothing)
 
 
 def _shares_and_nees(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -256,15 +256,15 @@ def _column(sums: NDArray[np.float64], name: str) -> NDArray[np.float64]:
 
 def _shape_ratios(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """The ratios of `SHAPES`; NaN where a frame has no axes."""
-    found = []
+    ratios = []
     is_round = _elongation(sums)[0] < _ROUND
     for frame in COVARIANCE_FRAMES:
         total = _column(sums, f"{frame}_total")
-        known = np.where((total > 0.0) & ~(is_round & (frame == "own")), total, np.nan)
+        positive = np.where((total > 0.0) & ~(is_round & (frame == "own")), total, np.nan)
         for name in ("along", "turned"):
-            share = np.clip(_column(sums, f"{frame}_{name}") / known, -1.0 + _SAME, 1.0 - _SAME)
-            found.append(np.exp(np.arctanh(share)))
-    return np.stack(found)
+            share = np.clip(_column(sums, f"{frame}_{name}") / positive, -1.0 + _SAME, 1.0 - _SAME)
+            ratios.append(np.exp(np.arctanh(share)))
+    return np.stack(ratios)
 
 
 def _elongation(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -314,8 +314,8 @@ def _estimates(
     units: Units, scales: Mapping[str, str], statistics: Statistics, draws: Draws, method: Method
 ) -> pl.DataFrame:
     """One row per statistic, named by `scales`, and point."""
-    found = pooled(units, draws.weights(units), statistics, method, scales=list(scales.values()))
-    return estimates_by_point(found, units, OWN_COVARIANCES, statistics=pl.DataFrame({"quantity": list(scales)}))
+    estimates = pooled(units, draws.weights(units), statistics, method, scales=list(scales.values()))
+    return estimates_by_point(estimates, units, OWN_COVARIANCES, statistics=pl.DataFrame({"quantity": list(scales)}))
 
 
 def _with_verdicts(rows: pl.DataFrame, of_truth: float | None = 0.0) -> pl.DataFrame:
@@ -336,17 +336,17 @@ def _judged(rows: pl.DataFrame, of_truth: float | None) -> pl.DataFrame:
         verdicts["gain"] = are_of_use(*bounds["gain"])
     if "ranking" in found:
         verdicts["ranking"] = rank_errors(found["ranking"]["value"], *bounds["ranking"], of_truth)
-    known = [name for name in SHAPES if name in found]
+    shapes = [name for name in SHAPES if name in found]
     shape = pl.DataFrame(schema=rows.schema)
-    if known:
+    if shapes:
         peak = bounds["fourth"][1]
         are_known = found["elongation"]["value"] >= _ELLIPSES or (peak is not None and peak < _PEAKED)
         worst = worst_shape(found)
-        verdicts["shape"] = have_right_shape([bounds[name] for name in known], are_known=are_known, of_truth=of_truth)
+        verdicts["shape"] = have_right_shape([bounds[name] for name in shapes], are_known=are_known, of_truth=of_truth)
         shape = rows.filter(pl.col("at").is_null(), quantity=worst).with_columns(quantity=pl.lit("shape"))
     others = rows.filter(~(pl.col("at").is_null() & (pl.col("quantity") == "shape")))
     made = pl.concat([others, shape])
-    judged = pl.col("quantity").replace_strict({name: str(one) for name, one in verdicts.items()}, default=None)
+    judged = pl.col("quantity").replace_strict({name: str(verdict) for name, verdict in verdicts.items()}, default=None)
     kind = OWN_COVARIANCES["verdict"]
     return made.with_columns(verdict=pl.when(pl.col("at").is_null()).then(judged).cast(kind))
 
@@ -358,5 +358,5 @@ def _deviation(low: float | None, high: float | None) -> float:
 
 def worst_shape(rows: Mapping[str, Mapping[str, Any]]) -> str | None:
     """Which of `SHAPES` differs most certainly from 1, of rows by quantity; None where there is none."""
-    known = [name for name in SHAPES if name in rows]
-    return max(known, key=lambda name: _deviation(rows[name]["low"], rows[name]["high"]), default=None)
+    shapes = [name for name in SHAPES if name in rows]
+    return max(shapes, key=lambda name: _deviation(rows[name]["low"], rows[name]["high"]), default=None)

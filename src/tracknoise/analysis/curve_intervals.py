@@ -83,15 +83,15 @@ def core_bounds(
     by_scene = _units(scales, None, groups)
     units = by_scene if by_scene.resampled or blocks is None else _units(scales, blocks, groups)
     held = np.transpose(units.sums[..., 0::2], (2, 1, 0))
-    found = geometric(units, draws.weights(units), _core_logarithms, method, sizes=held)
+    estimates = geometric(units, draws.weights(units), _core_logarithms, method, sizes=held)
     if units.resampled == Resampled.blocks:
         value = geometric(by_scene, np.empty((0, len(by_scene.sums))), _core_logarithms, Method()).value
-        moved = value / np.where(found.value > 0, found.value, np.nan)
-        found = replace(found, value=value, low=found.low * moved, high=found.high * moved)
-    between = between_scenes(by_scene, _cores, ["log"] * len(_AXES), found)
+        moved = value / np.where(estimates.value > 0, estimates.value, np.nan)
+        estimates = replace(estimates, value=value, low=estimates.low * moved, high=estimates.high * moved)
+    between = between_scenes(by_scene, _cores, ["log"] * len(_AXES), estimates)
     labels = pl.DataFrame({"coordinate": _AXES}).join(by_scene.points, how="cross")
     named = labels.with_columns_seq(statistic=pl.lit(CORE), weighting=pl.lit(Weighting.geometric))
-    return LabelledEstimates(named, found, units, geometric_rows(between, range(len(_AXES))))
+    return LabelledEstimates(named, estimates, units, geometric_rows(between, range(len(_AXES))))
 
 
 def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroups) -> Units:
@@ -100,9 +100,9 @@ def _units(scales: pl.DataFrame, blocks: pl.DataFrame | None, groups: SceneGroup
         return units_of(_sums(scales), points=_POINT, columns=_SUMS, groups=groups)
     everywhere = scales.select_seq(_POINT).unique().join(scales.select_seq("scene").unique(), how="cross")
     missing = everywhere.with_columns_seq(block=pl.lit(0, dtype=pl.UInt8), **{name: pl.lit(0.0) for name in _SUMS})
-    known = _sums(blocks).join(everywhere, on=[*_POINT, "scene"], how="semi")
+    sums = _sums(blocks).join(everywhere, on=[*_POINT, "scene"], how="semi")
     columns = [*_POINT, "scene", "block", *_SUMS]
-    every = pl.concat([known.select_seq(columns), missing.select_seq(columns)])
+    every = pl.concat([sums.select_seq(columns), missing.select_seq(columns)])
     return units_of(_sums(scales), every, points=_POINT, columns=_SUMS, groups=groups)
 
 
@@ -118,8 +118,8 @@ def _sums(scales: pl.DataFrame) -> pl.DataFrame:
 
 def _core_logarithms(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     """Mean logarithm of u and of v from `_SUMS`, (2, points, ...), NaN where there is none."""
-    known, total = sums[0::2], sums[1::2]
-    return np.asarray(total / np.where(known > 0, known, np.nan))
+    counted, total = sums[0::2], sums[1::2]
+    return np.asarray(total / np.where(counted > 0, counted, np.nan))
 
 
 def _cores(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -347,8 +347,8 @@ def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFra
         rows = pl.concat(_weighted(units, made.drawn[key[0]].weights(units), made.method))
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
-        known = {**dict(zip(keys, key, strict=True)), **made.labels(units)}
-        yield _typed(chosen, known, statistic=_STATISTIC, unit=pl.col("role").replace_strict(UNITS))
+        labels = {**dict(zip(keys, key, strict=True)), **made.labels(units)}
+        yield _typed(chosen, labels, statistic=_STATISTIC, unit=pl.col("role").replace_strict(UNITS))
 
 
 def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Iterator[pl.DataFrame]:
@@ -356,54 +356,63 @@ def _weighted(units: Units, weights: NDArray[np.float64], method: Method) -> Ite
     roles = pl.DataFrame(_CURVES, schema=["role", "coordinate"], orient="row")
     labels, own = roles.join(units.points, how="cross"), own_values(units, curve_statistics)
     by_feature, by_scene = (Parts.of(units, weighting) for weighting in (Weighting.features, Weighting.scenes))
-    found = with_biases(units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
-    between = between_scenes(units, curve_statistics, _SCALES, found)
-    heavy = _if_errors_are_heavy(units, own, found)
-    beside = _stated(between, units, own, by_feature, found, heavy)
-    yield _weighing(Weighting.features, LabelledEstimates(labels, found, units, beside))
-    found = with_biases(units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND)
-    beside = _stated(with_estimates(between, units, _SCALES, found), units, own, by_scene, found, heavy)
-    yield _weighing(Weighting.scenes, LabelledEstimates(labels, found, units, beside))
+    estimates = with_biases(
+        units, by_feature, pooled(units, weights, curve_statistics, method, scales=_SCALES), _SECOND
+    )
+    between = between_scenes(units, curve_statistics, _SCALES, estimates)
+    heavy = _if_errors_are_heavy(units, own, estimates)
+    beside = _stated(between, units, own, by_feature, estimates, heavy)
+    yield _weighing(Weighting.features, LabelledEstimates(labels, estimates, units, beside))
+    estimates = with_biases(
+        units, by_scene, averaged(units, weights, curve_statistics, method, scales=_SCALES), _SECOND
+    )
+    beside = _stated(with_estimates(between, units, _SCALES, estimates), units, own, by_scene, estimates, heavy)
+    yield _weighing(Weighting.scenes, LabelledEstimates(labels, estimates, units, beside))
     labels = roles[_GEOMETRIC].join(units.points, how="cross")
-    found = geometric(units, weights, curve_logarithms, method)
+    estimates = geometric(units, weights, curve_logarithms, method)
     beside = geometric_rows(between, _GEOMETRIC)
     for row, (_, typical) in heavy.items():
         beside = with_coverage(beside, [_GEOMETRIC.index(row)], typical[None])
-    yield _weighing(Weighting.geometric, LabelledEstimates(labels, found, units, beside))
+    yield _weighing(Weighting.geometric, LabelledEstimates(labels, estimates, units, beside))
 
 
-def _weighing(weighting: Weighting, found: LabelledEstimates) -> pl.DataFrame:
+def _weighing(weighting: Weighting, estimates: LabelledEstimates) -> pl.DataFrame:
     """Rows with the name of their weighting."""
-    rows = _rows(found)
+    rows = _rows(estimates)
     name = pl.Series("weighting", [weighting], dtype=INTERVALS["weighting"])
     return rows.hstack([name.new_from_index(0, rows.height)])
 
 
 def _stated(
-    between: BetweenScenes, units: Units, own: NDArray[np.float64], parts: Parts, found: EstimateArray, heavy: _Heavy
+    between: BetweenScenes,
+    units: Units,
+    own: NDArray[np.float64],
+    parts: Parts,
+    estimates: EstimateArray,
+    heavy: _Heavy,
 ) -> BetweenScenes:
     """The same with the coverage if biases or scales of scenes, or single errors, have heavy tails."""
-    if not _is_stated(units, found):
+    if not _is_stated(units, estimates):
         return between
-    stated = with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=found.level))
-    stated = with_heavy_scales(stated, own, found, _POWERS)
+    stated = with_coverage(between, _SECOND, coverage_of_heavy_tails(units, parts, level=estimates.level))
+    stated = with_heavy_scales(stated, own, estimates, _POWERS)
     for row, (pooled_errors, _) in heavy.items():
         stated = with_coverage(stated, [row], pooled_errors[None])
     return stated
 
 
-def _is_stated(units: Units, found: EstimateArray) -> bool:
+def _is_stated(units: Units, estimates: EstimateArray) -> bool:
     """Whether the coverage of intervals is known under heavy tails."""
-    return found.kind == IntervalKind.student and units.resampled in OF_SCENES
+    return estimates.kind == IntervalKind.student and units.resampled in OF_SCENES
 
 
-def _if_errors_are_heavy(units: Units, own: NDArray[np.float64], found: EstimateArray) -> _Heavy:
+def _if_errors_are_heavy(units: Units, own: NDArray[np.float64], estimates: EstimateArray) -> _Heavy:
     """Coverage under heavy tails of single errors, by row of a second moment; empty where it is not known."""
-    if not _is_stated(units, found):
+    if not _is_stated(units, estimates):
         return {}
     n = by_number(units.scene, units.sums)[..., 0].T
     return {
-        second: coverage_of_heavy_errors(own[second], own[absolute], n, level=found.level)
+        second: coverage_of_heavy_errors(own[second], own[absolute], n, level=estimates.level)
         for second, absolute in _ABSOLUTE_OF.items()
     }
 
@@ -427,12 +436,14 @@ def _core_rows(
 ) -> Iterator[pl.DataFrame]:
     """Rows of the robust scale of errors, of every condition."""
     for key, part in scales.items():
-        known = part.filter(population=population)
-        if not known.is_empty():
+        of_population = part.filter(population=population)
+        if not of_population.is_empty():
             within = blocks[key].filter(population=population) if key in blocks else None
-            found = core_bounds(known, within, made.drawn[key[0]], made.method, made.groups)
+            estimates = core_bounds(of_population, within, made.drawn[key[0]], made.method, made.groups)
             labels = {**dict(zip(POOLED, key, strict=True)), "aspect": Aspect.all, "at_least": None}
-            yield _typed(_rows(found), {**labels, "population": population, "unit": "px", **made.labels(found.units)})
+            yield _typed(
+                _rows(estimates), {**labels, "population": population, "unit": "px", **made.labels(estimates.units)}
+            )
 
 
 def _scalar_rows(
@@ -443,11 +454,11 @@ def _scalar_rows(
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": Aspect.all, **dict.fromkeys(("at_least", "population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
-        if found := list(bounded(part, made.drawn[key[0]], made.method, made.groups)):
-            rows = pl.concat(map(_rows, found))
+        if estimates := list(bounded(part, made.drawn[key[0]], made.method, made.groups)):
+            rows = pl.concat(map(_rows, estimates))
             missing = {name: value for name, value in usual.items() if name not in rows.columns}
-            known = {**dict(zip(POOLED, key, strict=True)), **missing, **made.labels(found[0].units)}
-            yield _typed(rows, known, unit=pl.col("statistic").replace_strict(_SCALARS))
+            labels = {**dict(zip(POOLED, key, strict=True)), **missing, **made.labels(estimates[0].units)}
+            yield _typed(rows, labels, unit=pl.col("statistic").replace_strict(_SCALARS))
 
 
 def _lifetime_rows(
@@ -471,7 +482,7 @@ def _rows(found: LabelledEstimates) -> pl.DataFrame:
     return found.labels.hstack(pl.DataFrame({**values, **apart}))
 
 
-def _typed(rows: pl.DataFrame, known: Mapping[str, Any], **computed: pl.Expr) -> pl.DataFrame:
+def _typed(rows: pl.DataFrame, labels: Mapping[str, Any], **computed: pl.Expr) -> pl.DataFrame:
     """Rows with the columns of `INTERVALS`, in one pass: `known` is the same in all of them."""
-    columns = {**{name: pl.lit(value) for name, value in known.items()}, **computed}
+    columns = {**{name: pl.lit(value) for name, value in labels.items()}, **computed}
     return rows.select_seq(columns.get(name, pl.col(name)).cast(kind).alias(name) for name, kind in INTERVALS.items())

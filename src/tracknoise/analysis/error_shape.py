@@ -144,12 +144,12 @@ def mardia(sums: Array) -> Array:
 def _shifted(sums: Array, shift: Array, orders: Iterable[Order]) -> dict[Order, Array]:
     """Power sums of x + shift, by order."""
     u, v = map(_powers, shift)
-    found = {}
+    shifted = {}
     for p, q in orders:
         parts = product(range(p + 1), range(q + 1))
         terms = (_product(comb(p, i) * comb(q, j), sums[_MARDIA_PLACE[i, j]], u[p - i], v[q - j]) for i, j in parts)
-        found[p, q] = reduce(add, terms)
-    return found
+        shifted[p, q] = reduce(add, terms)
+    return shifted
 
 
 def _powers(values: Array) -> list[Array | int]:
@@ -205,8 +205,8 @@ def standards(moments: pl.DataFrame, *, min_features: int) -> pl.DataFrame:
     groups = group_rows(moments, _STANDARD_PLACE)
     columns = additive(moments).select_seq(_STANDARD_SUMS).to_numpy().T
     sums = np.stack([np.bincount(groups.index, column, groups.count) for column in columns]).astype(np.float64)
-    found = groups.keys.hstack(pl.DataFrame(dict(zip(_STANDARD, np.concatenate(whitening(sums)), strict=True))))
-    return found.filter(pl.Series(sums[0] >= min_features) & pl.col("root_c").is_finite())
+    table = groups.keys.hstack(pl.DataFrame(dict(zip(_STANDARD, np.concatenate(whitening(sums)), strict=True))))
+    return table.filter(pl.Series(sums[0] >= min_features) & pl.col("root_c").is_finite())
 
 
 def standard_sums(moments: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
@@ -232,8 +232,8 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     """
     kept = np.flatnonzero(samples["kept"].to_numpy())
     selected = {Trimming.untrimmed: np.arange(samples.height), Trimming.trimmed: kept}
-    found = [_with_standard(samples, rows, standard, trimming) for trimming, rows in selected.items()]
-    rows, of = (np.concatenate(parts) for parts in zip(*found, strict=True))
+    standardised_parts = [_with_standard(samples, rows, standard, trimming) for trimming, rows in selected.items()]
+    rows, of = (np.concatenate(parts) for parts in zip(*standardised_parts, strict=True))
     names, scene = number_names(samples["scene"])
     order = by_group(scene[rows], len(names))
     rows, of = rows[order], of[order]

@@ -262,11 +262,11 @@ def _varied(path: str, trackers: Mapping[str, tuple[str, dict[str, str]]]) -> li
     for tracker, (kind, options) in trackers.items():
         others = tuple(sorted((name, value) for name, value in options.items() if name != path))
         alike[kind, others].setdefault(options.get(path, "none"), tracker)
-    found = [(kind, levels) for (kind, _), levels in alike.items() if len(levels) > 1]
-    kinds = [kind for kind, _ in found]
+    varied = [(kind, levels) for (kind, _), levels in alike.items() if len(levels) > 1]
+    kinds = [kind for kind, _ in varied]
     return [
         OptionFactor(path, kind if kinds.count(kind) == 1 else ", ".join(levels.values()), levels)
-        for kind, levels in found
+        for kind, levels in varied
     ]
 
 
@@ -274,8 +274,8 @@ def option_cells(cells: Iterable[Cell], factors: Sequence[OptionFactor]) -> Iter
     """The cells about options: those about trackers, of the trackers that differ in one option alone."""
     for cell in cells:
         for factor in factors if cell.factor == "tracker" else ():
-            known = {value: name for value, name in factor.levels.items() if name in cell.levels}
-            levels: dict[object, Condition] = {value: cell.levels[name] for value, name in known.items()}
+            names = {value: name for value, name in factor.levels.items() if name in cell.levels}
+            levels: dict[object, Condition] = {value: cell.levels[name] for value, name in names.items()}
             if len(levels) > 1:
                 held = {**cell.held, "tracker": factor.of}
                 yield Cell(factor.name, held, cell.axis, levels, cell.statistics)
@@ -321,69 +321,71 @@ class _Asked:
 
     def row(self) -> Row:
         """What is known about it."""
-        found = None if self.question is None else answer(self.differences, self.question)
+        answered = None if self.question is None else answer(self.differences, self.question)
         shared = self.differences.both.sum(axis=0)
         row: Row = {
             **self.cell.key,
             "statistic": self.cell.statistics[self.role],
             "unit": str(self.unit),
             "n_levels": len(self.levels),
-            "n_pairs": 0 if found is None else int(found.compared.any(axis=1).sum()),
+            "n_pairs": 0 if answered is None else int(answered.compared.any(axis=1).sum()),
             "n_scenes": int(shared.min(initial=shared.max(initial=0))),
             "margin": None if np.isnan(self.margin) else self.unit.of(self.margin),
-            "gap": self._gap(found),
+            "gap": self._gap(answered),
             "resampled": None if self.question is None else self.question.resampled,
         }
-        return row if found is None else row | self._answered(found)
+        return row if answered is None else row | self._answered(answered)
 
-    def _answered(self, found: Answer) -> Row:
+    def _answered(self, answered: Answer) -> Row:
         """The reported pair: its effect is that of its larger level over, or minus, its smaller one."""
         asked, of = self.differences, self.unit.of
-        a, b = (self.levels[number] for number in asked.pairs[found.pair])
-        larger, smaller = (a, b) if found.difference > 0 else (b, a) if found.difference < 0 else (None, None)
-        low, high = (found.low, found.high) if found.difference >= 0 else (-found.high, -found.low)
-        is_scarce = asked.scarce[found.pair, 1 if found.difference >= 0 else 0]
-        is_signed, horizon = self.role == SIGNED, float(asked.horizon[found.pair])
-        places = [asked.place(point) for point in np.flatnonzero(found.compared.any(axis=0)).tolist()]
+        a, b = (self.levels[number] for number in asked.pairs[answered.pair])
+        larger, smaller = (a, b) if answered.difference > 0 else (b, a) if answered.difference < 0 else (None, None)
+        low, high = (answered.low, answered.high) if answered.difference >= 0 else (-answered.high, -answered.low)
+        is_scarce = asked.scarce[answered.pair, 1 if answered.difference >= 0 else 0]
+        is_signed, horizon = self.role == SIGNED, float(asked.horizon[answered.pair])
+        places = [asked.place(point) for point in np.flatnonzero(answered.compared.any(axis=0)).tolist()]
         compared = {"n_places": len({*places}), "at_low": places[0], "at_high": places[-1]} if len(asked.places) else {}
         at_point = (
-            {} if found.point is None else {"coordinate": asked.coordinate(found.point), "at": asked.place(found.point)}
+            {}
+            if answered.point is None
+            else {"coordinate": asked.coordinate(answered.point), "at": asked.place(answered.point)}
         )
         return {
             "level_a": a,
             "level_b": b,
             "larger": larger,
             "better": None if is_signed else larger if self.role == _LARGER_IS_BETTER else smaller,
-            "effect": of(abs(found.difference)),
+            "effect": of(abs(answered.difference)),
             "low": max(low, 0.0) if is_signed else of(low),
             "high": None if is_scarce else of(high),
-            "most": None if asked.scarce.any() else of(found.most),
-            "p_yes": found.p_yes,
-            "p_no": found.p_no,
-            "apart": f"{DISAGREE} {a} and {b}" if found.kinds_disagree else None,
-            "more_scenes": found.more_scenes,
+            "most": None if asked.scarce.any() else of(answered.most),
+            "p_yes": answered.p_yes,
+            "p_no": answered.p_no,
+            "apart": f"{DISAGREE} {a} and {b}" if answered.kinds_disagree else None,
+            "more_scenes": answered.more_scenes,
             "horizon": None if np.isnan(horizon) else horizon,
             **compared,
             **at_point,
         }
 
-    def _gap(self, found: Answer | None) -> str | None:
+    def _gap(self, answered: Answer | None) -> str | None:
         """What is missing for a `no`; None if nothing is."""
         factor, levels, asked = self.cell.factor, self.levels, self.differences
         if len(levels) < 2:
             return f"only one {factor} was measured: {''.join(levels)}"
-        if found is not None and found.compared.any(axis=1).all():
-            unlike = (asked.unlike & found.compared).any()
+        if answered is not None and answered.compared.any(axis=1).all():
+            unlike = (asked.unlike & answered.compared).any()
             return "a value of 0 at one of two levels, which has no ratio" if unlike else asked.gap
         fewest = int(asked.both.sum(axis=0).min())
         if fewest < MIN_SCENES:
             return f"two levels share {only(fewest, 'scene')}; {AT_LEAST}"
         if self.question is None:
             return why_not_asked(asked.both, self.group)
-        if found is None:
+        if answered is None:
             return f"no age or frame has {MIN_SCENES} scenes with data at two levels"
-        known = set(asked.pairs[found.compared.any(axis=1)].ravel().tolist())
-        if missing := [level for number, level in enumerate(levels) if number not in known]:
+        compared = set(asked.pairs[answered.compared.any(axis=1)].ravel().tolist())
+        if missing := [level for number, level in enumerate(levels) if number not in compared]:
             return f"nothing to compare {factor} {', '.join(missing)} by"
         return "some pairs of levels have too few scenes with data at both levels"
 
@@ -417,17 +419,17 @@ def _numbers(keys: Sequence[tuple[object, ...]]) -> list[int]:
 def _verdict(row: Row, q_yes: float, q_no: float, level: float) -> Row:
     """The columns that depend on what else is asked."""
     p_yes, p_no, gap = row.get("p_yes"), row.get("p_no"), row["gap"]
-    known = {name: None if math.isnan(q) else q for name, q in (("q_yes", q_yes), ("q_no", q_no))}
+    adjusted = {name: None if math.isnan(q) else q for name, q in (("q_yes", q_yes), ("q_no", q_no))}
     verdict = decided(p_no, q_yes, q_no, level, has_gap=gap is not None)
     if verdict != Verdict.undecided:
-        return {**known, "verdict": verdict, "more_scenes": None}
+        return {**adjusted, "verdict": verdict, "more_scenes": None}
     why = row.get("apart") or gap
     if why is None and p_yes is not None and p_no is not None:
         low, margin = row.get("low"), row.get("margin")
         high = math.inf if row.get("high") is None else row["high"]
         contains = low is not None and margin is not None and low <= margin <= high
         why = why_open(p_yes, p_no, level, contains=contains, otherwise=_EXCEEDS)
-    return {**known, "verdict": verdict, "why": why}
+    return {**adjusted, "verdict": verdict, "why": why}
 
 
 _EXCEEDS = "at some age, a difference above the margin cannot be excluded"
@@ -500,10 +502,10 @@ def _named_pair(cell: Cell) -> Row:
 def _asked(cell: Cell, role: str, run: RunValues, groups: SceneGroups, margin: float, **options: Any) -> _Asked:
     scenes = run.scenes.get(cell.dataset, [])
     group = groups.of(cell.dataset, scenes)
-    found = differences_of(role, [(run, key) for key in cell.levels.values()], cell.axis, scenes)
-    limit = _unit(role).margin(margin, found.scale_px)
-    question = ask(found.both, group, margin=limit, cancels=role == SIGNED, **options)
-    return _Asked(cell, role, found, group, limit, question)
+    values = differences_of(role, [(run, key) for key in cell.levels.values()], cell.axis, scenes)
+    limit = _unit(role).margin(margin, values.scale_px)
+    question = ask(values.both, group, margin=limit, cancels=role == SIGNED, **options)
+    return _Asked(cell, role, values, group, limit, question)
 
 
 RANKS = RunTable(
@@ -559,13 +561,13 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
         Schema `RANKS`, by statistic and tracker, the best first. Nothing of statistics by which no pair was tested.
     """
     held = ["dataset", *(name for name in CONDITION if name != "tracker"), "statistic", "axis"]
-    known = pairs.filter(pl.col("p_yes").is_not_null().any().over(held))
-    if known.is_empty():
+    tested = pairs.filter(pl.col("p_yes").is_not_null().any().over(held))
+    if tested.is_empty():
         return empty(RANKS)
     shown = (pl.col("verdict") == Verdict.yes) & pl.col("at").is_null()
     disputed = pl.when(pl.col("why").str.starts_with(DISAGREE))
     sides = pl.concat(
-        known.select(
+        tested.select(
             *held,
             "n_scenes",
             "level",
@@ -586,8 +588,8 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
         disputed=pl.col("disputed").drop_nulls().str.join(", "),
     )
     why = pl.format("{} {} and {}", pl.lit(DISAGREE), "tracker", "disputed")
-    found = counted.with_columns(
+    ranks = counted.with_columns(
         worst=pl.col("n_trackers") - pl.col("beaten"), why=pl.when(pl.col("disputed") != "").then(why)
     )
-    ordered = found.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
+    ordered = ranks.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
     return check(ordered.select(pl.col(name).cast(kind) for name, kind in RANKS.items()), RANKS, "ranks")

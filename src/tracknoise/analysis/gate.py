@@ -74,11 +74,13 @@ def judge(
     expected
         Conditions that the first run measured, so that the others have to.
     """
-    chosen = [one for one in asked if gate.about(one)]
-    tested = [one.tested(gate.margin(one), level=gate.level, ages=gate.ages) for one in chosen]
-    p_worse = [None if one.found is None else one.found.sides[one.asked.worse].p_beyond for one in tested]
-    rows = [_row(gate, one, beyond) for one, beyond in zip(tested, holm(p_worse), strict=True)]
-    lacking = [*missing, *_unanswered(gate, [one for one in asked if gate.covers(one.of)], expected)]
+    chosen = [question for question in asked if gate.about(question)]
+    tested = [question.tested(gate.margin(question), level=gate.level, ages=gate.ages) for question in chosen]
+    p_worse = [
+        None if question.found is None else question.found.sides[question.asked.worse].p_beyond for question in tested
+    ]
+    rows = [_row(gate, question, beyond) for question, beyond in zip(tested, holm(p_worse), strict=True)]
+    lacking = [*missing, *_unanswered(gate, [question for question in asked if gate.covers(question.of)], expected)]
     return GateResult(_outcome(rows, lacking), tuple(rows), tuple(lacking))
 
 
@@ -91,23 +93,23 @@ def _row(gate: Gate, tested: Tested, beyond: float) -> GateRow:
 
 def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]:
     """Outcome of a row, and why it is undecided. `beyond`: adjusted p-value of a change for the worse."""
-    found = tested.found
-    if found is None:
+    tests = tested.found
+    if tests is None:
         return UNDECIDED, tested.gap
     if is_beyond(beyond, gate.level):
         return WORSE, None
-    if tested.gap is None and is_below(found.sides[tested.asked.worse].p_within, gate.level):
+    if tested.gap is None and is_below(tests.sides[tested.asked.worse].p_within, gate.level):
         return PASS, None
-    contains = found.straddles(gate.margin(tested.asked))
+    contains = tests.straddles(gate.margin(tested.asked))
     return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
 
 
 def _unanswered(gate: Gate, asked: Sequence[Asked], expected: Sequence[Compared]) -> Iterator[str]:
     """What the gate is about and the runs do not share; of several runs, with the name of the one."""
-    known = [*expected, *(one.of for one in asked)]
-    runs = list(dict.fromkeys(one.run for one in known))
+    conditions = [*expected, *(one.of for one in asked)]
+    runs = list(dict.fromkeys(one.run for one in conditions))
     for run in runs:
-        wanted = list(dict.fromkeys(one for one in known if one.run == run and gate.covers(one)))
+        wanted = list(dict.fromkeys(one for one in conditions if one.run == run and gate.covers(one)))
         measured = {one: {ask.statistic for ask in asked if ask.of == one} for one in wanted}
         measured = {one: found for one, found in measured.items() if found}
         ending = f" ({run})" if len(runs) > 1 else ""
@@ -133,7 +135,7 @@ def _unshared(gate: Gate, wanted: Sequence[Compared], measured: Container[Compar
 def _unmeasured(gate: Gate, measured: Mapping[Compared, Container[str]]) -> Iterator[str]:
     """Statistics of shared conditions that were not measured in both runs."""
     for name in gate.tolerances:
-        without = [named for one, named in _names(measured).items() if name not in measured[one]]
+        without = [named for condition, named in _names(measured).items() if name not in measured[condition]]
         if len(without) == len(measured):
             yield f"{name} was not measured in both runs"
         else:
@@ -142,9 +144,12 @@ def _unmeasured(gate: Gate, measured: Mapping[Compared, Container[str]]) -> Iter
 
 def _names(conditions: Iterable[Compared]) -> dict[Compared, str]:
     """Names of conditions, with the parts of the view of which there are several."""
-    known = list(conditions)
-    several = [name for name in VIEW if len({getattr(one, name) for one in known}) > 1]
-    return {one: condition_name({name: getattr(one, name) for name in ("tracker", "speed", *several)}) for one in known}
+    listed = list(conditions)
+    several = [name for name in VIEW if len({getattr(condition, name) for condition in listed}) > 1]
+    return {
+        condition: condition_name({name: getattr(condition, name) for name in ("tracker", "speed", *several)})
+        for condition in listed
+    }
 
 
 def _outcome(rows: Sequence[GateRow], lacking: Sequence[str]) -> str:
@@ -167,7 +172,7 @@ def _is_number(value: Any) -> bool:
 
 
 def _is_list_of(kind: type) -> Callable[[Any], bool]:
-    return lambda value: isinstance(value, list) and bool(value) and all(type(one) is kind for one in value)
+    return lambda value: isinstance(value, list) and bool(value) and all(type(item) is kind for item in value)
 
 
 _KEYS: Mapping[str, tuple[str, Callable[[Any], bool], Callable[[Any], Any]]] = {
@@ -196,15 +201,15 @@ def read_gate(path: Path, statistics: Collection[str]) -> Gate:
     SettingsError, UnknownNameError
         If it cannot be read, or a key or value is wrong.
     """
-    found = dict(_loaded(path))
-    tolerances = _tolerances(path, found.pop("tolerances", {}), statistics)
-    for key, value in found.items():
+    content = dict(_loaded(path))
+    tolerances = _tolerances(path, content.pop("tolerances", {}), statistics)
+    for key, value in content.items():
         if key not in _KEYS:
             raise UnknownNameError(f"key in {path}", key, ("tolerances", *_KEYS))
         expected, is_right, _ = _KEYS[key]
         if not is_right(value):
             raise SettingsError(f"{path}: {key}: found {value!r}, expected {expected}")
-    return Gate(tolerances, **{key: _KEYS[key][-1](value) for key, value in found.items()})
+    return Gate(tolerances, **{key: _KEYS[key][-1](value) for key, value in content.items()})
 
 
 def _loaded(path: Path) -> Mapping[str, Any]:
@@ -213,19 +218,19 @@ def _loaded(path: Path) -> Mapping[str, Any]:
     except DataError as error:
         raise SettingsError(f"{path}: cannot be read ({error.found}), expected TOML with tolerances") from error
     except ValueError as error:
-        found, _, expected = str(error).partition(", expected ")
+        problem, _, expected = str(error).partition(", expected ")
         kind = f"TOML with {expected}" if expected not in ("", "TOML") else "TOML"
-        raise SettingsError(f"{path}: {found}, expected {kind}") from error
+        raise SettingsError(f"{path}: {problem}, expected {kind}") from error
 
 
-def _tolerances(path: Path, found: object, statistics: Collection[str]) -> dict[str, float]:
-    if not isinstance(found, dict) or not found:
-        raise SettingsError(f"{path}: tolerances: found {found!r}, expected a table with at least one statistic")
-    for name, value in found.items():
+def _tolerances(path: Path, given: object, statistics: Collection[str]) -> dict[str, float]:
+    if not isinstance(given, dict) or not given:
+        raise SettingsError(f"{path}: tolerances: found {given!r}, expected a table with at least one statistic")
+    for name, value in given.items():
         if name in _RENAMED:
             raise SettingsError(f"{path}: tolerances: found the former name {name!r}, expected {_RENAMED[name]}")
         if name not in statistics:
             raise UnknownNameError(f"statistic in {path}", name, statistics)
         if not _is_number(value) or not 0 < value <= _MOST:
             raise SettingsError(f"{path}: tolerances.{name}: found {value!r}, expected more than 0, at most {_MOST}")
-    return {name: float(value) for name, value in found.items()}
+    return {name: float(value) for name, value in given.items()}

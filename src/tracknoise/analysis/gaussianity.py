@@ -225,10 +225,10 @@ def mardia_bounds(
     by_scene = units_of(sums, points=BAND, columns=POWER_SUMS, groups=draws.groups).across_groups()
     totals = by_scene.sums.sum(axis=0).T
     exact = dict(zip(_MARDIA, mardia(totals), strict=True))
-    found = by_scene.points.with_columns_seq(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
+    table = by_scene.points.with_columns_seq(n=pl.Series(totals[0], dtype=pl.Int64), **exact)
     units = by_scene if by_scene.resampled else places.units(_powers(singles.select_seq("z_u", "z_v").to_numpy()))
     bounds = _table(units, pooled(units, draws.weights(units), mardia, method), _MARDIA)
-    joined = found.join(bounds, on=BAND, how="left", maintain_order="left", suffix=" resampled")
+    joined = table.join(bounds, on=BAND, how="left", maintain_order="left", suffix=" resampled")
     scaled = [
         (pl.col(f"{name}_{end}") * pl.col(name) / pl.col(f"{name} resampled")).alias(f"{name}_{end}")
         for name in _MARDIA
@@ -530,8 +530,8 @@ def _condition(
     tails, quantiles = _tails(singles, pairs, places.points)
     table = bands.join(mardia_bounds(sums, singles, places, draws, options.method), on=BAND, how="left")
     table = table.join(gained, on=BAND, how="left").join(tails, on=BAND, how="left").sort(_EDGES)
-    known = table.with_columns_seq(pl.selectors.float().fill_nan(None))
-    judged = [_judged(row, options) for row in known.iter_rows(named=True)]
+    finite = table.with_columns_seq(pl.selectors.float().fill_nan(None))
+    judged = [_judged(row, options) for row in finite.iter_rows(named=True)]
     named = table.hstack(pl.DataFrame(judged, schema=["verdict", "why"], orient="row")).with_columns_seq(
         pl.coalesce("n", "all").alias("n"),
         pl.col("n_sampled").fill_null(0),

@@ -173,7 +173,7 @@ def _of_scenes(sums: Array, scene: NDArray[np.intp]) -> Array:
     n_scenes = int(scene.max()) + 1
     if len(scene) == n_scenes:  # each is a unit
         return sums
-    return np.stack([sums[scene == one].sum(axis=0) for one in range(n_scenes)])
+    return np.stack([sums[scene == number].sum(axis=0) for number in range(n_scenes)])
 
 
 def _and_without(sums: Array) -> Array:
@@ -563,13 +563,13 @@ def polynomial(curves: SceneCurves, ages: Ages, level: float) -> tuple[Agreement
     white, walk, drift = bounded
     none = np.zeros_like(white)
     process = Parts(white, walk * ages.step, drift * ages.step**2, none, none)
-    found = _agreement(curves, ages, curve, curve.since[:, None] ** np.arange(len(TERMS)) @ bounded, process)
+    agreement = _agreement(curves, ages, curve, curve.since[:, None] ** np.arange(len(TERMS)) @ bounded, process)
     scale, least = np.exp(curves.log_scale), _ROUNDING * curve.second.max() / curve.since.max() ** _POWERS[:, None]
-    known = (np.where(np.abs(one) > least, one * scale, 0.0) for one in (bounded, free))
+    coefficients = (np.where(np.abs(one) > least, one * scale, 0.0) for one in (bounded, free))
     second, sizes = scale * curve.second.mean(axis=0), {}
-    for term, unit, one, other in zip(TERMS, TERM_UNITS, *known, strict=True):
+    for term, unit, one, other in zip(TERMS, TERM_UNITS, *coefficients, strict=True):
         sizes[term] = replace(_size(one, other, second, level), unit=unit)
-    return found, sizes
+    return agreement, sizes
 
 
 def saturating(curves: SceneCurves, ages: Ages) -> Agreement:
@@ -580,7 +580,7 @@ def saturating(curves: SceneCurves, ages: Ages) -> Agreement:
     fitted = saturating_curve(np.stack([white, size, tau]), curve.since)
     decays = ((np.exp(-ages.step / (2 * tau)), False), (np.exp(-ages.step / tau), True))
     both = [_agreement(curves, ages, curve, fitted, Parts(white, none, none, size, *decay)) for decay in decays]
-    return max(both, key=lambda found: found.p)
+    return max(both, key=lambda model: model.p)
 
 
 def growth_ratio(n: Array, squares: Array, own: Array, level: float) -> Estimate:

@@ -107,11 +107,11 @@ def loss(
     Shapes: n, squares (units, ages), since (ages,) frames, fourth (units, ages).
     """
     compared = [_compared(n, squares, since, at_least, *of) for at_least, of in sorted(lived.items())]
-    known = [one for one in compared if np.count_nonzero(one.size) >= _MIN_UNITS]
-    if not known:
+    enough = [part for part in compared if np.count_nonzero(part.size) >= _MIN_UNITS]
+    if not enough:
         return None
-    p = by_chance(np.stack([one.difference for one in known]), np.sum([one.size for one in known], axis=0))
-    most = max(known, key=lambda one: abs(one.excess))
+    p = by_chance(np.stack([part.difference for part in enough]), np.sum([part.size for part in enough], axis=0))
+    most = max(enough, key=lambda part: abs(part.excess))
     of_tracks = [] if fourth is None else [_drawn(n, squares, fourth, since, at, *lived[at]) for at in lived]
     return Loss(p, min(1.0, len(lived) * min(of_tracks, default=1.0)), most.at_least, most.excess)
 
@@ -144,11 +144,11 @@ def _compared(n: Array, squares: Array, since: Array, at_least: int, n_lived: Ar
     both = (since < at_least) & (n_lived > 0) & (n > n_lived)
     more = np.where(both, of_lived - n_lived * second, 0.0).sum(axis=1)
     weight = np.where(both, n_lived * (n - n_lived) / np.maximum(n, 1), 0.0)
-    known, early = (weight * second).sum(axis=1), np.where(since < at_least, n_lived, 0.0)
+    sums, early = (weight * second).sum(axis=1), np.where(since < at_least, n_lived, 0.0)
     whole = (early * second).sum(axis=1)
-    size = np.where(known > 0, weight.sum(axis=1), 0.0)
+    size = np.where(sums > 0, weight.sum(axis=1), 0.0)
     excess = _all_and_without(more / np.where(whole > 0, whole, 1.0), early.sum(axis=1))[0]
-    return _Compared(at_least, _all_and_without(more / np.where(known > 0, known, 1.0), size), size, float(excess))
+    return _Compared(at_least, _all_and_without(more / np.where(sums > 0, sums, 1.0), size), size, float(excess))
 
 
 def _drawn(
@@ -160,11 +160,11 @@ def _drawn(
         return 1.0
     count, total, powers, drawn, sums = (table[:, places[-1]] for table in (n, squares, fourth, n_lived, of_lived))
     second = total / np.maximum(count, 1)
-    known = (drawn > 0) & (count > drawn) & (second > 0)
-    scale = np.where(known, second, 1.0)
+    usable = (drawn > 0) & (count > drawn) & (second > 0)
+    scale = np.where(usable, second, 1.0)
     spread = np.maximum(powers / np.maximum(count, 1) - second**2, 0.0) * count / np.maximum(count - 1, 1)
-    variance = np.where(known, drawn * (count - drawn) / np.maximum(count, 1) * spread / scale**2, 0.0)
-    more = np.where(known, (sums - drawn * second) / scale, 0.0)
+    variance = np.where(usable, drawn * (count - drawn) / np.maximum(count, 1) * spread / scale**2, 0.0)
+    more = np.where(usable, (sums - drawn * second) / scale, 0.0)
     return float(2 * special.ndtr(-abs(more.sum()) / max(np.sqrt(variance.sum()), _LEAST)))
 
 
@@ -263,9 +263,9 @@ def _of_parts(
     """The established part that grows, of two the one that is larger at the longest age, or that none does."""
     established = [term for term in ("white", *growing) if sizes[term].above(0.0)]
     parts = sorted(established, key=lambda term: -_reaches(term, sizes[term], longest))
-    found = [term for term in parts if term != "white"]
-    if found:
-        return _BEHAVIOURS[found[0]], "; ".join(_part(term, sizes, changes) for term in parts)
+    terms = [term for term in parts if term != "white"]
+    if terms:
+        return _BEHAVIOURS[terms[0]], "; ".join(_part(term, sizes, changes) for term in parts)
     if rising == Verdict.no:
         return Behaviour.white, _white(sizes["white"], changes.autocorrelation)
     names = " or ".join(_NAMES[term] for term in growing)

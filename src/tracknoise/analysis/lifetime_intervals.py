@@ -168,9 +168,9 @@ def _labels(statistic: str, at: NDArray[np.float64] | None = None) -> pl.DataFra
 
 
 def _mean(sums: NDArray[np.float64], lifetimes: NDArray[np.float64]) -> NDArray[np.float64]:
-    found = sums[:2].sum(axis=0)
-    count = found.sum(axis=0)
-    frames = np.tensordot(lifetimes, found, axes=1)
+    tracks = sums[:2].sum(axis=0)
+    count = tracks.sum(axis=0)
+    frames = np.tensordot(lifetimes, tracks, axes=1)
     return np.asarray(frames / np.where(count > 0, count, np.nan))[None, None]
 
 
@@ -270,6 +270,6 @@ def _rows(ends: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     tracks = units.sums.sum(axis=(1, 2))
     sizes = np.broadcast_to(tracks, (len(units.points), len(tracks)))
     scales = ["logit"] * len(CAUSES)
-    found = pooled(units, draws.weights(units), cumulative_incidence, method, scales=scales, sizes=sizes)
+    estimates = pooled(units, draws.weights(units), cumulative_incidence, method, scales=scales, sizes=sizes)
     labels = pl.DataFrame({"cause": CAUSES}).join(units.points, how="cross")
-    return estimated(labels, found, units, INCIDENCE, value="incidence")
+    return estimated(labels, estimates, units, INCIDENCE, value="incidence")

@@ -120,9 +120,9 @@ class Question:
         """Means over scenes of values (scenes, points)."""
         return average(values, self.group, self.resampled)
 
-    def half_width(self, found: Averages, chosen: int) -> float:
+    def half_width(self, averages: Averages, chosen: int) -> float:
         """Half width of the interval of one of some means, which holds for all of them together."""
-        return float(half_widths(found, self.directions, 1 - self.level)[chosen])
+        return float(half_widths(averages, self.directions, 1 - self.level)[chosen])
 
 
 def ask(
@@ -189,17 +189,17 @@ def why_open(p: float, p_none: float, level: float, *, contains: bool, otherwise
     return "the interval contains the margin" if contains else otherwise
 
 
-def enough_scenes(found: Averages, resampled: Resampled) -> NDArray[np.bool_]:
+def enough_scenes(averages: Averages, resampled: Resampled) -> NDArray[np.bool_]:
     """Where there are enough scenes or groups for an interval, as in `tracknoise.inference.units.scheme`."""
     least = MIN_WITHIN if resampled == Resampled.within else 0
-    return np.asarray((found.n_units >= MIN_SCENES) & (found.degrees >= least), dtype=np.bool_)
+    return np.asarray((averages.n_units >= MIN_SCENES) & (averages.degrees >= least), dtype=np.bool_)
 
 
 def mean_of_points(values: NDArray[np.float64], compared: NDArray[np.bool_], *, axis: int = -1) -> NDArray[np.float64]:
     """Each scene's mean over the points, along an axis, that it has among those that are compared; NaN without any."""
     there = ~np.isnan(values) & compared
-    known = there.sum(axis=axis)
-    return np.asarray(np.where(there, values, 0.0).sum(axis=axis) / np.where(known > 0, known, np.nan))
+    count = there.sum(axis=axis)
+    return np.asarray(np.where(there, values, 0.0).sum(axis=axis) / np.where(count > 0, count, np.nan))
 
 
 def _two_stages(overall: Averages, points: Averages | None, question: Question) -> tuple[float, int, int | None]:
@@ -250,14 +250,14 @@ class Answer:
         """Mean over scenes of the pair and the point that is reported, or of all points that are compared."""
         values = asked.values[:, self.pair]
         chosen = values[:, self.compared[self.pair]] if self.point is None else values[:, self.point]
-        known = chosen[np.isfinite(chosen)]
-        return float(known.mean()) if len(known) else 0.0
+        finite = chosen[np.isfinite(chosen)]
+        return float(finite.mean()) if len(finite) else 0.0
 
 
 def answer(asked: Differences, question: Question) -> Answer | None:
     """Compare all pairs; None where no point has enough scenes."""
-    found = _answer(asked, question)
-    return found.held_by(asked.by_kind, question) if found is not None and asked.by_kind else found
+    answered = _answer(asked, question)
+    return answered.held_by(asked.by_kind, question) if answered is not None and asked.by_kind else answered
 
 
 def _answer(asked: Differences, question: Question) -> Answer | None:
@@ -273,13 +273,13 @@ def _answer(asked: Differences, question: Question) -> Answer | None:
         p, point = single.p, single.chosen
     else:
         pairs = np.flatnonzero(compared.any(axis=1))
-        found = question.average(mean_of_points(asked.values, compared)[:, pairs])
-        p, chosen, point = _two_stages(found, points if n_points > 1 else None, question)
+        averages = question.average(mean_of_points(asked.values, compared)[:, pairs])
+        p, chosen, point = _two_stages(averages, points if n_points > 1 else None, question)
         pair = int(pairs[chosen])
     if point is not None:
-        found, chosen = points, point
+        averages, chosen = points, point
         pair, point = map(int, np.argwhere(compared)[chosen])
-    difference, width = float(found.mean[chosen]), question.half_width(found, chosen)
+    difference, width = float(averages.mean[chosen]), question.half_width(averages, chosen)
     largest = np.abs(points.mean) + half_widths_alone(points, 1 - question.level)
     return Answer(
         pair=pair,
@@ -291,7 +291,7 @@ def _answer(asked: Differences, question: Question) -> Answer | None:
         p_yes=p,
         p_no=p_below(points, question.margin),
         compared=compared,
-        more_scenes=more_scenes(found, chosen, points, margin=question.margin, level=question.level),
+        more_scenes=more_scenes(averages, chosen, points, margin=question.margin, level=question.level),
     )
 
 
@@ -361,11 +361,11 @@ def change(asked: Differences, question: Question, ages: ComparedAges) -> Change
     """Test both directions of the difference between two levels; None where no point has enough scenes."""
     values = asked.values[:, 0]
     if asked.total is None:
-        found = change_of(values, question, ages)
+        tests = change_of(values, question, ages)
     else:
-        found = bias_change(values, asked.total[:, 0], question, ages)
+        tests = bias_change(values, asked.total[:, 0], question, ages)
     alone = [change(one, question, ages) for one in asked.by_kind]
-    return found.held_by(alone, question.level) if found is not None and alone else found
+    return tests.held_by(alone, question.level) if tests is not None and alone else tests
 
 
 def change_of(values: NDArray[np.float64], question: Question, ages: ComparedAges) -> Change | None:
@@ -400,9 +400,9 @@ def _one_sided(overall: Averages, points: Averages, place: NDArray[np.intp], que
     return OneSided(beyond, within, None if chosen is None else int(place[chosen]))
 
 
-def _towards(found: Averages, sign: int) -> Averages:
+def _towards(averages: Averages, sign: int) -> Averages:
     """The same with no change where it is in the other direction."""
-    return replace(found, mean=np.maximum(sign * found.mean, 0.0))
+    return replace(averages, mean=np.maximum(sign * averages.mean, 0.0))
 
 
 def bias_change(

@@ -256,23 +256,23 @@ def image_cells(sums: Tables, sampling: Sampling = USUAL) -> pl.DataFrame:
 def _cell_rows(sums: pl.DataFrame, draws: Draws, method: Method, level: float) -> pl.DataFrame:
     """One row per age and cell of a condition."""
     units = units_of(sums, sums, points=_CELL_POINT, columns=_CELL_COLUMNS, groups=draws.groups)
-    found = pooled(units, draws.weights(units), _means, method)
+    estimates = pooled(units, draws.weights(units), _means, method)
     names = ("mean_u", "mean_v", "spread")
-    columns = {f"{name}_px": value for name, value in zip(names, found.value, strict=True)}
-    for name, low, high in zip(names[:2], found.low, found.high, strict=False):
+    columns = {f"{name}_px": value for name, value in zip(names, estimates.value, strict=True)}
+    for name, low, high in zip(names[:2], estimates.low, estimates.high, strict=False):
         columns |= {f"{name}_low": low, f"{name}_high": high}
-    differs = ((found.low[:2] > 0) | (found.high[:2] < 0)).any(axis=0)
-    known = ~np.isnan(found.low[:2]).any(axis=0)
+    differs = ((estimates.low[:2] > 0) | (estimates.high[:2] < 0)).any(axis=0)
+    bounded = ~np.isnan(estimates.low[:2]).any(axis=0)
     return units.points.with_columns_seq(
         pl.col("axis").cast(pl.String),
         *(pl.Series(name, values, dtype=pl.Float64, nan_to_null=True) for name, values in columns.items()),
         n=units.sums[..., 0].sum(axis=0),
-        differs=pl.when(pl.Series(known)).then(pl.Series(differs)),
-        kind=pl.lit(found.kind),
+        differs=pl.when(pl.Series(bounded)).then(pl.Series(differs)),
+        kind=pl.lit(estimates.kind),
         level=pl.lit(level),
         resampled=pl.lit(units.resampled, dtype=pl.String),
-        n_units=found.n_units[0],
-        n_scenes=found.n_scenes[0],
+        n_units=estimates.n_units[0],
+        n_scenes=estimates.n_scenes[0],
     )
 
 
@@ -302,9 +302,9 @@ def _speed_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFram
     """One row per age, class of speed, and coordinate of a condition."""
     named = sums.rename({"low": "class_low", "high": "class_high"})
     units = units_of(named, named, points=_SPEED_POINT, columns=_SPEED_COLUMNS, groups=draws.groups)
-    found = pooled(units, draws.weights(units), column_means, method)
+    estimates = pooled(units, draws.weights(units), column_means, method)
     statistics = pl.DataFrame({"coordinate": _SPEED_COORDINATES})
-    return estimates_by_point(found, units, SPEED_ERRORS, value="mean_px", statistics=statistics)
+    return estimates_by_point(estimates, units, SPEED_ERRORS, value="mean_px", statistics=statistics)
 
 
 _STATISTICS = {
@@ -342,9 +342,9 @@ def _surrounding_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
     n, of_all = units.sums[..., 0].T, units.sums[..., 3].T
     sizes = np.stack([n, n, of_all, of_all, of_all, of_all - n, of_all - n, n])
     scales = [scale for _, scale in _STATISTICS.values()]
-    found = pooled(units, draws.weights(units), _statistics, method, scales=scales, sizes=sizes)
+    estimates = pooled(units, draws.weights(units), _statistics, method, scales=scales, sizes=sizes)
     kinds = pl.DataFrame({"statistic": list(_STATISTICS), "unit": [unit for unit, _ in _STATISTICS.values()]})
-    rows = estimates_by_point(found, units, SURROUNDING_ERRORS, statistics=kinds)
+    rows = estimates_by_point(estimates, units, SURROUNDING_ERRORS, statistics=kinds)
     no_more_than_all = pl.when(pl.col("statistic").is_in(_REMOVED)).then(pl.col("high").clip(upper_bound=1.0))
     return rows.with_columns_seq(no_more_than_all.otherwise("high").alias("high"))
 

@@ -74,8 +74,8 @@ def _rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     parts = []
     for (name,), part in sums.partition_by("quantity", as_dict=True, maintain_order=True).items():
         units = units_of(part, part, points=_POINT, columns=["n", "sum"], groups=draws.groups)
-        found = pooled(units, draws.weights(units), column_means, method, scales=[_scale(str(name))])
-        parts.append(estimates_by_point(found, units, RATIO_VALUES))
+        estimates = pooled(units, draws.weights(units), column_means, method, scales=[_scale(str(name))])
+        parts.append(estimates_by_point(estimates, units, RATIO_VALUES))
     return pl.concat(parts).drop_nulls("value")
 
 
@@ -103,5 +103,5 @@ def _metric_rows(metrics: pl.DataFrame, draws: Draws, method: Method) -> pl.Data
     long = metrics.unpivot(named, index=labels, variable_name="metric").drop_nulls("value")
     counted = long.with_columns_seq(n=pl.lit(1.0))
     units = units_of(counted, points=_METRIC, columns=["n", "value"], groups=draws.groups)
-    found = pooled(units, draws.weights(units), column_means, method, scales=["logit"], sizes=units.sums[..., :1].T)
-    return estimates_by_point(found, units, POINT_TRACKING_METRICS)
+    estimates = pooled(units, draws.weights(units), column_means, method, scales=["logit"], sizes=units.sums[..., :1].T)
+    return estimates_by_point(estimates, units, POINT_TRACKING_METRICS)

@@ -225,15 +225,15 @@ class Asked(OfEstimand):
         if question is None:
             few = f"{only(self.n_scenes, 'scene')} with data in both runs; {AT_LEAST}"
             return Tested(self, gap=few if self.n_scenes < MIN_SCENES else why_not_asked(self.values.both, self.group))
-        found, gap = change(self.values, question, ages), None
-        if found is None:
+        tests, gap = change(self.values, question, ages), None
+        if tests is None:
             with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
             gap = f"{only(with_data, 'scene')} with enough data in both runs; {AT_LEAST}"
-        elif found.kinds_disagree:
+        elif tests.kinds_disagree:
             gap = f"{DISAGREE} {' and '.join(dict.fromkeys((self.of.tracker, self.of.other_tracker)))}"
-        elif (self.values.unlike[0] & found.compared).any():
+        elif (self.values.unlike[0] & tests.compared).any():
             gap = "a value of 0 in one of the runs, which has no ratio"
-        return Tested(self, found, gap, question.resampled)
+        return Tested(self, tests, gap, question.resampled)
 
 
 @dataclass(frozen=True, slots=True)
@@ -258,19 +258,19 @@ class Tested:
             "resampled": None if self.resampled is None else str(self.resampled),
         }
 
-    def _effect(self, found: Change) -> dict[str, Any]:
+    def _effect(self, tests: Change) -> dict[str, Any]:
         """Effect, interval and place of a change that was tested."""
         values, of = self.asked.values, self.asked.estimand.unit.of
-        columns: dict[str, Any] = {name: known(of(getattr(found, name))) for name in ("effect", "low", "high")}
+        columns: dict[str, Any] = {name: known(of(getattr(tests, name))) for name in ("effect", "low", "high")}
         second, first = values.scarce[0]
-        if (first and found.effect > 0) or (second and found.effect < 0):
-            columns["high" if found.effect > 0 else "low"] = None
-        if found.point is not None:
-            columns |= {"at": values.place(found.point), "coordinate": values.coordinate(found.point)}
-        elif found.coordinate is not None:
-            columns["coordinate"] = values.coordinate(found.coordinate)
-        at_low, at_high = (values.place(int(point)) for point in np.flatnonzero(found.compared)[[0, -1]])
-        return {**columns, "at_low": at_low, "at_high": at_high, "scenes": self._by_scene(found.scenes)}
+        if (first and tests.effect > 0) or (second and tests.effect < 0):
+            columns["high" if tests.effect > 0 else "low"] = None
+        if tests.point is not None:
+            columns |= {"at": values.place(tests.point), "coordinate": values.coordinate(tests.point)}
+        elif tests.coordinate is not None:
+            columns["coordinate"] = values.coordinate(tests.coordinate)
+        at_low, at_high = (values.place(int(point)) for point in np.flatnonzero(tests.compared)[[0, -1]])
+        return {**columns, "at_low": at_low, "at_high": at_high, "scenes": self._by_scene(tests.scenes)}
 
     def _without_tests(self) -> dict[str, Any]:
         """Mean change of scenes that are too few for a test; of mean errors, none."""
@@ -288,23 +288,23 @@ class Tested:
 
     def verdict(self, adjusted: float, q_none: float, margin: float, level: float) -> tuple[ChangeVerdict, str | None]:
         """The verdict by adjusted p-values, and why it is undecided, or a remark."""
-        found = self.found
-        if found is None:
+        tests = self.found
+        if tests is None:
             return ChangeVerdict.undecided, self.gap
         gap = self.gap or self.asked.values.gap
-        differs = decided(found.p_none, adjusted, q_none, level, has_gap=gap is not None)
+        differs = decided(tests.p_none, adjusted, q_none, level, has_gap=gap is not None)
         if differs == Verdict.yes:
-            is_worse = found.direction == self.asked.worse
-            return ChangeVerdict.worse if is_worse else ChangeVerdict.better, self._contrary(found, level)
+            is_worse = tests.direction == self.asked.worse
+            return ChangeVerdict.worse if is_worse else ChangeVerdict.better, self._contrary(tests, level)
         if differs == Verdict.no:
             return ChangeVerdict.none, None
-        contains = found.straddles(margin)
-        why = why_open(found.p_change, found.p_none, level, contains=contains, otherwise=UNSURE)
+        contains = tests.straddles(margin)
+        why = why_open(tests.p_change, tests.p_none, level, contains=contains, otherwise=UNSURE)
         return ChangeVerdict.undecided, gap or why
 
-    def _contrary(self, found: Change, level: float) -> str | None:
+    def _contrary(self, tests: Change, level: float) -> str | None:
         """A remark where single ages changed in the other direction."""
-        other = found.sides[-found.direction]
+        other = tests.sides[-tests.direction]
         if other.p_beyond > 1 - level or other.point is None:
             return None
         at = self.asked.values.place(other.point)

@@ -228,18 +228,18 @@ def read_kind_tables(
         own = (table.filter(references=kind).drop("references") for table in tables)
         return by_condition(own, SEQUENCE_TABLES[name], name, reduce)
 
-    found = {kind: {name: of(kind, name) for name in every} for kind in kinds}
+    by_kind = {kind: {name: of(kind, name) for name in every} for kind in kinds}
     return {
         kind: {name: _completed(table, every[name]) for name, table in tables.items()}
-        for kind, tables in found.items()
+        for kind, tables in by_kind.items()
         if any(tables.values())
     }
 
 
 def _completed(tables: TablesByCondition, every: TablesByCondition) -> TablesByCondition:
     """Tables of one kind with the rows of scenes that it does not have."""
-    found = dict(every)
+    completed = dict(every)
     for key, table in tables.items():
         there = table["scene"].unique().to_list()
-        found[key] = pl.concat([table, every[key].filter(~pl.col("scene").is_in(there))])
-    return found
+        completed[key] = pl.concat([table, every[key].filter(~pl.col("scene").is_in(there))])
+    return completed

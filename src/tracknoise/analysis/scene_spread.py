@@ -59,9 +59,9 @@ def between_scenes(
 ) -> BetweenScenes:
     """How much scenes differ in their own statistics."""
     own = own_values(units, statistics)
-    found = next_scene(units, own, scales, level=estimates.level)
-    unknown = np.full_like(found.spread, np.nan)
-    return with_estimates(BetweenScenes(found.spread, found.low, found.high, unknown), units, scales, estimates)
+    between = next_scene(units, own, scales, level=estimates.level)
+    unknown = np.full_like(between.spread, np.nan)
+    return with_estimates(BetweenScenes(between.spread, between.low, between.high, unknown), units, scales, estimates)
 
 
 def own_values(units: Units, statistics: Statistics) -> NDArray[np.float64]:
@@ -103,11 +103,11 @@ def with_heavy_scales(
 
     `own`: (statistics, points, scenes), of each scene. `powers`: of the squared scale, by row.
     """
-    found = between
+    widened = between
     for row, power in powers.items():
         covered = coverage_of_heavy_scales(own[row], estimates.n_units[row], power=power, level=estimates.level)
-        found = with_coverage(found, [row], covered[None])
-    return found
+        widened = with_coverage(widened, [row], covered[None])
+    return widened
 
 
 def geometric_rows(between: BetweenScenes, rows: Sequence[int]) -> BetweenScenes:
@@ -170,9 +170,9 @@ def with_biases(units: Units, parts: Parts, estimates: EstimateArray, rows: Sequ
         return estimates
     place = list(rows)
     low, high = biased_interval(parts, _variance(units, parts, estimates.level), estimates.value[place])
-    known = np.isfinite(low) & np.isfinite(high) & np.isfinite(estimates.high[place])
+    bounded = np.isfinite(low) & np.isfinite(high) & np.isfinite(estimates.high[place])
     lows, highs = estimates.low.copy(), estimates.high.copy()
-    lows[place], highs[place] = np.where(known, low, lows[place]), np.where(known, high, highs[place])
+    lows[place], highs[place] = np.where(bounded, low, lows[place]), np.where(bounded, high, highs[place])
     return replace(estimates, low=lows, high=highs)
 
 
@@ -245,14 +245,14 @@ def coverage_of_heavy_tails(units: Units, parts: Parts, *, level: float) -> Arra
     Returns (2, points). Of u and of v; NaN where it is the level to within `TOLERATED`, or where no scenes are
     resampled. `units`: of one condition, with the columns of `tracknoise.analysis.condition_units.SUMS`.
     """
-    found = np.full(parts.biases.shape[1:], np.nan)
+    coverage = np.full(parts.biases.shape[1:], np.nan)
     if units.resampled in OF_SCENES:
         shares, spreads = _share_of_biases(parts), _log_spread(parts)
         counts = (parts.sizes[..., 0] > 0).sum(axis=0)
         for place in zip(*np.nonzero(shares >= _STEP), strict=True):
             share, spread = (round(float(part[place]) / _STEP) * _STEP for part in (shares, spreads))
-            found[place] = _covered(rounded_count(float(counts[place[0]]), least=MIN_SCENES), share, spread, level)
-    return np.where(found < level - TOLERATED, found, np.nan).T
+            coverage[place] = _covered(rounded_count(float(counts[place[0]]), least=MIN_SCENES), share, spread, level)
+    return np.where(coverage < level - TOLERATED, coverage, np.nan).T
 
 
 def _share_of_biases(parts: Parts) -> Array:
@@ -279,8 +279,8 @@ def _covered(n: int, share: float, spread: float, level: float) -> float:
     heavy, gaussian = _drawn(n)
     biases = np.sqrt(share / 3) * heavy
     variances = (1 - share) * np.exp(spread * gaussian - spread**2 / 2)
-    found = [_intervals(biases[:, part], variances[:, part], level) for part in parts_of_runs(n)]
-    low, high = np.concatenate(found, axis=2)
+    intervals = [_intervals(biases[:, part], variances[:, part], level) for part in parts_of_runs(n)]
+    low, high = np.concatenate(intervals, axis=2)
     return float(((low <= 1) & (high >= 1)).mean())
 
 

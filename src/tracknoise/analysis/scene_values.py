@@ -174,14 +174,14 @@ def _run_errors(
         for (dataset, axis), part in points.partition_by("dataset", "axis", as_dict=True).items()
     }
     there = points.partition_by([*POOLED, "axis"], as_dict=True)
-    found = {}
+    errors_of_scenes = {}
     for *names, axis in known.select_seq(*POOLED, "axis").unique().sort(*POOLED, "axis").rows():
         key, at = tuple(names), places.get((str(names[0]), str(axis)), np.zeros(0, dtype=np.int64))
         rows = [table[key].filter(**errors, axis=axis) if key in table else None for table in (moments, scales)]
         part = there.get((*key, axis), points.clear())
         numbered = part.select_seq(at="there", place=pl.Series(np.searchsorted(at, part["at"].to_numpy())))
-        found[key, str(axis)] = _of_condition(key, rows, numbered, scenes[str(key[0])], len(at))
-    return RunErrors(places, found, scales, errors, key_frames)
+        errors_of_scenes[key, str(axis)] = _of_condition(key, rows, numbered, scenes[str(key[0])], len(at))
+    return RunErrors(places, errors_of_scenes, scales, errors, key_frames)
 
 
 def _of_condition(
@@ -265,8 +265,8 @@ def differences_of(role: str, levels: Sequence[Level], axis: str | None, scenes:
     are_alike = len({(id(run), key[_TRACKER]) for run, key in levels}) < 2
     kinds = () if are_alike else dict.fromkeys(kind for run, _ in levels for kind in run.by_kind)
     alone = [[(run.by_kind.get(kind, run.errors), key) for run, key in levels] for kind in kinds]
-    found, *by_kind = (_of_errors(role, each, str(axis), scenes) for each in (errors, *alone))
-    return replace(found, by_kind=tuple(by_kind))
+    all_references, *by_kind = (_of_errors(role, each, str(axis), scenes) for each in (errors, *alone))
+    return replace(all_references, by_kind=tuple(by_kind))
 
 
 _Errors = Sequence[tuple[RunErrors, Condition]]
@@ -282,15 +282,15 @@ def _at_levels(
     role: str, levels: _Errors, axis: str, scenes: Sequence[str]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.int64]]:
     """Values (scenes, levels, places, 2) at the places that all runs have, who was measured, and these places."""
-    known = [run.places.get((str(key[0]), axis), NO_PLACES) for run, key in levels]
-    places = reduce(np.intersect1d, known)
+    places_of_levels = [run.places.get((str(key[0]), axis), NO_PLACES) for run, key in levels]
+    places = reduce(np.intersect1d, places_of_levels)
     values = np.full((len(scenes), len(levels), len(places), 2), np.nan)
     measured = np.zeros(values.shape[:2], dtype=np.bool_)
     for number, (run, key) in enumerate(levels):
-        if (found := run.conditions.get((key, axis))) is not None:
-            measured[:, number] = found.measured
-            if role in found.values:
-                values[:, number] = found.values[role][:, np.isin(known[number], places)]
+        if (table := run.conditions.get((key, axis))) is not None:
+            measured[:, number] = table.measured
+            if role in table.values:
+                values[:, number] = table.values[role][:, np.isin(places_of_levels[number], places)]
     return values, measured, places
 
 
@@ -298,11 +298,11 @@ def _curves(role: str, levels: _Errors, axis: str, scenes: Sequence[str]) -> Dif
     """Differences of a statistic that has a value at every place."""
     values, measured, places = _at_levels(role, levels, axis, scenes)
     points = values.reshape(*measured.shape, -1)
-    found = differences(points, measured, logarithms=role != SIGNED, places=places, n_coordinates=2)
+    differing = differences(points, measured, logarithms=role != SIGNED, places=places, n_coordinates=2)
     if role != SIGNED:
-        return found
-    total = points[:, found.pairs[:, 0]] + points[:, found.pairs[:, 1]]
-    return replace(found, total=total, scale_px=_scale_px(levels, axis, scenes))
+        return differing
+    total = points[:, differing.pairs[:, 0]] + points[:, differing.pairs[:, 1]]
+    return replace(differing, total=total, scale_px=_scale_px(levels, axis, scenes))
 
 
 def _scale_px(levels: _Errors, axis: str, scenes: Sequence[str]) -> float | None:
@@ -368,9 +368,9 @@ def number_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str], *,
     scenes
         Names of all scenes, in the order of the result.
     """
-    known = [table["at"].drop_nulls().unique().to_numpy() for table in tables]
-    places = reduce(np.intersect1d, known).astype(np.int64)
-    placed = places if any(map(len, known)) else None
+    placed_at = [table["at"].drop_nulls().unique().to_numpy() for table in tables]
+    places = reduce(np.intersect1d, placed_at).astype(np.int64)
+    placed = places if any(map(len, placed_at)) else None
     values = np.stack([_of_places(table, placed, scenes) for table in tables], axis=1)
     with np.errstate(divide="ignore"):
         levels = np.log(values) if logarithms else values
@@ -401,20 +401,20 @@ def outlier_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -
     expected = ratio * offered[:, pairs].min(axis=2)
     values = np.where(expected >= LEAST_OUTLIERS, log_ratio[:, pairs[:, 0]] - log_ratio[:, pairs[:, 1]], np.nan)
     measured = np.stack([_are_in(table, scenes) for table in tables], axis=1)
-    found = _of_numbers(values, measured, np.full(len(pairs), np.nan))
+    of_ratios = _of_numbers(values, measured, np.full(len(pairs), np.nan))
     scarce = np.asarray(_mean_of_scenes(outliers[:, pairs], ~np.isnan(values)) < SCARCE, dtype=np.bool_)
-    return replace(found, scarce=scarce, gap=_FEW if scarce.any() else None)
+    return replace(of_ratios, scarce=scarce, gap=_FEW if scarce.any() else None)
 
 
 def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) -> Differences:
     """The same of (scene lifetime). `tables`: `ENDS` of each level."""
     lifetimes = np.unique(np.concatenate([table["lifetime"].to_numpy() for table in tables]))
     ended, censored = (_by_lifetime(tables, name, scenes, lifetimes) for name in ("n_ended", "n_censored"))
-    known = follow_up(ended, censored, lifetimes=lifetimes)
-    measured = np.asarray(~np.isnan(known), dtype=np.bool_)
+    followed = follow_up(ended, censored, lifetimes=lifetimes)
+    measured = np.asarray(~np.isnan(followed), dtype=np.bool_)
     pairs = pairs_of(len(tables))
     longest = ((ended + censored > 0) * lifetimes).max(axis=2, initial=0)
-    reached = known[:, pairs].min(axis=2)
+    reached = followed[:, pairs].min(axis=2)
     compared = _long_enough(reached, longest[:, pairs].min(axis=2), at_both(measured))
     limits = np.where(compared, reached, np.inf).min(axis=0, initial=np.inf)
     horizon = np.minimum(limits, lifetimes.max(initial=0))
@@ -425,9 +425,9 @@ def lifetime_differences(tables: Sequence[pl.DataFrame], scenes: Sequence[str]) 
     ]
     means, alive = np.array(until).reshape(len(pairs), 2, len(scenes), 2).transpose(1, 2, 0, 3)
     logs = np.log(np.where(compared[..., None], means, np.nan))
-    found = _of_numbers(logs[..., 0] - logs[..., 1], measured, horizon)
+    of_lifetimes = _of_numbers(logs[..., 0] - logs[..., 1], measured, horizon)
     outlived = (_mean_of_scenes(alive, compared) > _MOST_ALIVE).any()
-    return replace(found, gap=_OUTLIVED if outlived else None)
+    return replace(of_lifetimes, gap=_OUTLIVED if outlived else None)
 
 
 def _long_enough(
@@ -468,9 +468,9 @@ def _numbers(table: pl.DataFrame, scenes: Sequence[str]) -> NDArray[np.int64]:
 
 
 def _are_in(table: pl.DataFrame, scenes: Sequence[str]) -> NDArray[np.bool_]:
-    found = np.zeros(len(scenes), dtype=np.bool_)
-    found[_numbers(table, scenes)] = True
-    return found
+    present = np.zeros(len(scenes), dtype=np.bool_)
+    present[_numbers(table, scenes)] = True
+    return present
 
 
 def _of_scenes(tables: Sequence[pl.DataFrame], column: str, scenes: Sequence[str]) -> NDArray[np.float64]:

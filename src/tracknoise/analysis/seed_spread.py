@@ -118,14 +118,14 @@ def seed_spread(
         If a table has other columns.
     """
     check(intervals, INTERVALS, "intervals")
-    found = [
-        interval_table(one.moments, one.ends, one.frames, restricted_to=horizons, population=population)
-        for one in repeats
+    rows = [
+        interval_table(repeat.moments, repeat.ends, repeat.frames, restricted_to=horizons, population=population)
+        for repeat in repeats
     ]
-    if not found:
+    if not rows:
         return empty(SEED_SPREAD)
     first = intervals.filter(aspect="all").with_columns_seq(by_block=pl.col("resampled") == Resampled.blocks)
-    values = pl.concat([first.select_seq(*KEYS, "value"), *(table.select_seq(*KEYS, "value") for table in found)])
+    values = pl.concat([first.select_seq(*KEYS, "value"), *(table.select_seq(*KEYS, "value") for table in rows)])
     value = pl.col("value").drop_nulls()
     spread = values.group_by(KEYS).agg(mean=value.mean(), standard_deviation=value.std(), n_seeds=value.len())
     table = first.select_seq(*KEYS, "unit", "by_block").join(spread, on=KEYS, nulls_equal=True)

@@ -212,8 +212,8 @@ def pooled_saturating(units: Units, weights: Array, ages: NDArray[np.bool_], met
     """Sizes and time constant of (saturating) of u and of v, of all errors together."""
     tried = range_tried(units.points["since"].to_numpy().astype(np.float64)[ages])
 
-    def named(found: list[Estimate]) -> Sizes:
-        white, size, constant = found
+    def named(estimates: list[Estimate]) -> Sizes:
+        white, size, constant = estimates
         return {
             "saturating_white": _root(white, white, unit="px"),
             "saturating": _root(size, size, unit="px"),
@@ -250,12 +250,12 @@ def _pooled(
         """Of u, then of v, (statistics, 1, ...); ages without data in a draw are taken as observed."""
         drawn = _second(sums)
         whole = second.reshape(*second.shape, *[1] * (drawn.ndim - 2))
-        known = np.where(np.isnan(drawn), whole, drawn)
-        return np.concatenate([fit(of_axis) for fit, of_axis in zip(both, known, strict=True)])[:, None]
+        filled = np.where(np.isnan(drawn), whole, drawn)
+        return np.concatenate([fit(of_axis) for fit, of_axis in zip(both, filled, strict=True)])[:, None]
 
     bounds = _of_differing_scenes(part, weights, statistics, method)
-    found = [bounds.at(row) for row in range(len(bounds.value))]
-    return found[: len(found) // 2], found[len(found) // 2 :]
+    estimates = [bounds.at(row) for row in range(len(bounds.value))]
+    return estimates[: len(estimates) // 2], estimates[len(estimates) // 2 :]
 
 
 def _of_differing_scenes(units: Units, weights: Array, statistics: Statistics, method: Method) -> EstimateArray:
@@ -295,9 +295,9 @@ def _second(sums: Array) -> Array:
     return np.stack([uu, vv]) / np.where(n > 0, n, np.nan)
 
 
-def _of_terms(found: list[Estimate]) -> Sizes:
+def _of_terms(estimates: list[Estimate]) -> Sizes:
     """Sizes from free and bounded coefficients, and from those of terms that would explain everything alone."""
-    free, bounded, alone = (found[first : first + len(TERMS)] for first in range(0, 3 * len(TERMS), len(TERMS)))
+    free, bounded, alone = (estimates[first : first + len(TERMS)] for first in range(0, 3 * len(TERMS), len(TERMS)))
     return {
         term: _at_most(_root(one, other, unit=unit), _length(whole.high))
         for term, one, other, whole, unit in zip(TERMS, bounded, free, alone, TERM_UNITS, strict=True)
@@ -421,8 +421,8 @@ def _aligned(units: Units, like: Units) -> Array:
     each = len(units.sums) // max(len(units.scenes), 1)
     by_scene = units.sums.reshape(len(units.scenes), each, *units.sums.shape[1:])
     placed = np.zeros((len(like.scenes), *by_scene.shape[1:]))
-    known = [place for place, scene in enumerate(units.scenes) if scene in like.scenes]
-    placed[[like.scenes.index(units.scenes[place]) for place in known]] = by_scene[known]
+    shared = [place for place, scene in enumerate(units.scenes) if scene in like.scenes]
+    placed[[like.scenes.index(units.scenes[place]) for place in shared]] = by_scene[shared]
     return placed.reshape(-1, *units.sums.shape[1:])
 
 
@@ -430,13 +430,13 @@ def _by_age(units: Units, errors: Units) -> dict[int, Array]:
     """Sums of long-lived tracks at the ages of all errors, by the age that tracks live to."""
     aligned = _aligned(units, errors)
     ages = errors.points["since"].to_numpy()
-    found: dict[int, Array] = {}
+    by_age: dict[int, Array] = {}
     for key, part in units.points.with_row_index("place").partition_by("at_least", as_dict=True).items():
         there = part.filter(pl.col("since").is_in(ages.tolist()))
         sums = np.zeros((len(aligned), len(ages), len(GROWTH_SUMS)))
         sums[:, np.searchsorted(ages, there["since"].to_numpy())] = aligned[:, there["place"].to_numpy()]
-        found[int(key[0])] = sums
-    return found
+        by_age[int(key[0])] = sums
+    return by_age
 
 
 _DRAWS = 400
@@ -448,7 +448,7 @@ def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], me
     sizes = pooled_sizes(units.errors, weights, ages.fitted, method)
     curves = [scene_curves(units.of(axis)) for axis in (0, 1)]
     polynomials = [_known(units, *polynomial(curve, ages, method.level)) for curve in curves]
-    refused = [found.refused for found, _ in polynomials]
+    refused = [agreement.refused for agreement, _ in polynomials]
     limits = pooled_saturating(units.errors, weights[:_DRAWS], ages.fitted, method) if any(refused) else ({}, {})
     u, v = (
         Growth(
@@ -465,11 +465,11 @@ def growth_fits(units: GrowthUnits, ages: Ages, weights: NDArray[np.float64], me
     return u, v
 
 
-def _known(units: GrowthUnits, found: Agreement, sizes: Sizes) -> tuple[Agreement, Sizes]:
+def _known(units: GrowthUnits, agreement: Agreement, sizes: Sizes) -> tuple[Agreement, Sizes]:
     """The same without bounds, and not refused, where nothing can be resampled."""
     if units.errors.resampled is not None:
-        return found, sizes
-    return replace(found, p=1.0), {term: Estimate(size.value) for term, size in sizes.items()}
+        return agreement, sizes
+    return replace(agreement, p=1.0), {term: Estimate(size.value) for term, size in sizes.items()}
 
 
 def rise_ages(ages: Ages) -> tuple[float, float]:
@@ -486,8 +486,8 @@ def _ratio(units: GrowthUnits, ages: Ages, axis: int, curves: SceneCurves, level
     places = np.searchsorted(ages.since, [first, last])
     sums = units.of(axis)
     n, squares = units.lived_of(axis).get(REFERENCE_AGE, (sums.n, sums.squares))
-    found = growth_ratio(n[:, places], squares[:, places], curves.own, level)
-    return found if units.errors.resampled is not None else Estimate(found.value)
+    ratio = growth_ratio(n[:, places], squares[:, places], curves.own, level)
+    return ratio if units.errors.resampled is not None else Estimate(ratio.value)
 
 
 def _loss(units: GrowthUnits, ages: Ages, axis: int) -> Loss | None:
@@ -680,19 +680,19 @@ def _rows(
     usable = n_ages >= MIN_AGES and bool((errors.sums[:, fitted, 1:].sum(axis=0) > 0).all())
     fits = growth_fits(units, ages, draws.weights(errors), made) if usable else (None, None)
     for place, (coordinate, fit) in enumerate(zip("uv", fits, strict=True)):
-        correlations = {f"autocorrelation{end}": found[place] for end, found in related.items()}
+        correlations = {f"autocorrelation{end}": row[place] for end, row in related.items()}
         if fit is None:
             few = f"{only(n_ages, 'age')} with enough errors; at least {MIN_AGES} are needed"
             why = few if n_ages < MIN_AGES else "all errors are zero at some age"
-            found = {**_bounds(correlations), "grows": Verdict.undecided, "verdict": Behaviour.undecided, "why": why}
+            row = {**_bounds(correlations), "grows": Verdict.undecided, "verdict": Behaviour.undecided, "why": why}
         else:
             changes = Changes(correlations.get("autocorrelation"), tables.mean_px_per_frame[place])
             verdict, why = behaves(fit, changes, margin)
             first, last = rise_ages(ages)
-            found = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why,
+            row = {**_bounds({**correlations, **_named(fit)}), "verdict": verdict, "why": why,
                      "coverage": _covered(tables.scenes, coordinate, last, errors, made.level),
                      "grows": grows(fit.ratio, margin), "growth_from": first, "growth_to": last}  # fmt: skip
-        yield {"coordinate": coordinate, **labels, **found}
+        yield {"coordinate": coordinate, **labels, **row}
 
 
 def _covered(scenes: pl.DataFrame, coordinate: str, age: float, errors: Units, level: float) -> float | None:
@@ -703,8 +703,8 @@ def _covered(scenes: pl.DataFrame, coordinate: str, age: float, errors: Units, l
     n, squares, absolute = (
         there[name].to_numpy().astype(np.float64)[None] for name in ("n", coordinate * 2, f"abs_{coordinate}")
     )
-    known = np.maximum(n, 1.0)
-    return COVERED_IF_HEAVY if are_heavy(squares / known, absolute / known, n, level=level)[0] else None
+    count = np.maximum(n, 1.0)
+    return COVERED_IF_HEAVY if are_heavy(squares / count, absolute / count, n, level=level)[0] else None
 
 
 def _named(fit: Growth) -> dict[str, Estimate]:
@@ -714,11 +714,11 @@ def _named(fit: Growth) -> dict[str, Estimate]:
     return {_COLUMNS[term]: size for term, size in fit.sizes.items()} | geometric | ratio
 
 
-def _bounds(found: Mapping[str, Estimate]) -> dict[str, float | None]:
+def _bounds(estimates: Mapping[str, Estimate]) -> dict[str, float | None]:
     """Values and bounds by their columns."""
     return {
         f"{name}{end}": getattr(estimate, which)
-        for name, estimate in found.items()
+        for name, estimate in estimates.items()
         for end, which in (("", "value"), ("_low", "low"), ("_high", "high"))
     }
 
@@ -736,9 +736,9 @@ def _related(
         return {}
     blocks = changes if resampled else None
     units = units_of(changes, blocks, points=["lag"], columns=CHANGE_SUMS, groups=draws.groups).across_groups()
-    found = correlated(units, draws.weights(units), method)
+    estimates = correlated(units, draws.weights(units), method)
     ends = ["" if lag == 1 else f"_{lag}" for lag in units.points["lag"]]
-    return {end: (found.at(0, place), found.at(1, place)) for place, end in enumerate(ends)}
+    return {end: (estimates.at(0, place), estimates.at(1, place)) for place, end in enumerate(ends)}
 
 
 def _apart(moments: pl.DataFrame | None) -> pl.DataFrame | None:

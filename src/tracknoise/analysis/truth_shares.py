@@ -337,10 +337,10 @@ def cover_of_second(second: float | None, floor: float | None) -> FloorCover | N
     return FloorCover(sqrt(max(second, 0.0)), sqrt(_VARIANCES * floor))
 
 
-def covered_by_floor(*found: FloorCover | None) -> bool:
+def covered_by_floor(*covers: FloorCover | None) -> bool:
     """Whether there is an error at all, and errors of the truth alone can explain each."""
-    known = [one for one in found if one is not None]
-    return bool(known) and len(known) == len(found) and all(one.is_covered for one in known)
+    measured = [cover for cover in covers if cover is not None]
+    return bool(measured) and len(measured) == len(covers) and all(cover.is_covered for cover in measured)
 
 
 _TWO_TRUTH_SUMS = ["n", "u", "v", "uu", "vv", "uv"]
@@ -383,16 +383,16 @@ def pose_disagreement_table(sums: pl.DataFrame | Iterable[pl.DataFrame], samplin
 def _of_positions(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per quantity, trimming, age, statistic and coordinate of a condition."""
     units = units_of(sums, sums, points=_TWO_TRUTH_POINT, columns=_TWO_TRUTH_SUMS, groups=draws.groups)
-    found = pooled(units, draws.weights(units), column_means, method, scales=_TWO_TRUTH_SCALES)
-    return estimates_by_point(found, units, TWO_TRUTHS, statistics=_VALUES)
+    estimates = pooled(units, draws.weights(units), column_means, method, scales=_TWO_TRUTH_SCALES)
+    return estimates_by_point(estimates, units, TWO_TRUTHS, statistics=_VALUES)
 
 
 def _of_poses(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.DataFrame:
     """One row per lag and quantity of a condition."""
     columns = ["n", "rotation_rad2", "translation_m2"]
     units = units_of(sums, sums, points=["lag"], columns=columns, groups=draws.groups)
-    found = pooled(units, draws.weights(units), _two_truth_deviations, method, scales=["log"] * _POSES.height)
-    return estimates_by_point(found, units, POSE_DISAGREEMENT, statistics=_POSES)
+    estimates = pooled(units, draws.weights(units), _two_truth_deviations, method, scales=["log"] * _POSES.height)
+    return estimates_by_point(estimates, units, POSE_DISAGREEMENT, statistics=_POSES)
 
 
 def _two_truth_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -426,8 +426,8 @@ def _tracker_difference_rows(moments: pl.DataFrame, draws: Draws, method: Method
         sums, sums, points=_TRACKER_DIFFERENCE_POINT, columns=_TRACKER_DIFFERENCE_SUMS, groups=draws.groups
     )
     weights = draws.weights(units)
-    found = pooled(units, weights, _statistics, method, scales=_TRACKER_DIFFERENCE_SCALES)
-    rows = estimates_by_point(found, units, TRACKER_DIFFERENCES, statistics=_ROWS)
+    estimates = pooled(units, weights, _statistics, method, scales=_TRACKER_DIFFERENCE_SCALES)
+    rows = estimates_by_point(estimates, units, TRACKER_DIFFERENCES, statistics=_ROWS)
     strict = pooled(units, weights, _statistics, _corrected(method, units.points), scales=_TRACKER_DIFFERENCE_SCALES)
     nonzero = (strict.low > 0.0) | (strict.high < 0.0)
     means = pl.when(pl.col("statistic") == "mean").then(pl.Series(nonzero.ravel()))
@@ -474,16 +474,16 @@ def _fitted_noise_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.D
     both = pl.concat([together, sums])
     units = units_of(both, both, points=_FITTED_NOISE_POINT, columns=_FITTED_NOISE_SUMS, groups=draws.groups)
     sizes = np.stack([units.sums[..., place].T for place in (2, 4, 6)])
-    found = pooled(
+    estimates = pooled(
         units, draws.weights(units), _fitted_noise_deviations, method, scales=["log"] * len(_COORDINATES), sizes=sizes
     )
     statistics = pl.DataFrame({"coordinate": _COORDINATES})
-    rows = estimates_by_point(found, units, TRIANGULATED_NOISE, value="sigma_px", statistics=statistics)
+    rows = estimates_by_point(estimates, units, TRIANGULATED_NOISE, value="sigma_px", statistics=statistics)
     highest = {low: high for low, high in LENGTHS if high is not None}
     low = pl.col("length_low")
     high = low.replace_strict(highest, default=None, return_dtype=pl.Int64)
-    known = rows.drop_nulls("sigma_px")
-    return known.with_columns_seq(length_low=low.replace({0: None}), length_high=high)
+    with_sigma = rows.drop_nulls("sigma_px")
+    return with_sigma.with_columns_seq(length_low=low.replace({0: None}), length_high=high)
 
 
 def _fitted_noise_deviations(sums: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -227,11 +227,11 @@ class _Curve:
 
 def _families(curves: Sequence[_Curve]) -> Iterator[list[_Curve]]:
     """Curves of each dataset, trimming and axis: their verdicts are asked together."""
-    found: dict[tuple[Any, ...], list[_Curve]] = {}
+    families: dict[tuple[Any, ...], list[_Curve]] = {}
     for curve in curves:
         family = (curve.key[0], *curve.key[-len(_LINE) :])
-        found.setdefault(family, []).append(curve)
-    yield from found.values()
+        families.setdefault(family, []).append(curve)
+    yield from families.values()
 
 
 def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tuple[tuple[Any, ...], pl.DataFrame]]:
@@ -278,21 +278,21 @@ def _iid_p() -> pl.Expr:
 
 def _of_curve(curve: _Curve, family: Array) -> list[pl.DataFrame]:
     """Rows of one curve: of all ages together, and of every age."""
-    found = curve.test
+    test = curve.test
     tests = {
-        "n_scenes": found.n_scenes,
-        "hotelling_p": found.hotelling_p,
-        "hotelling_p_adjusted": holm(found.hotelling_p),
-        "sign_flip_p": found.sign_flip_p,
-        "sign_flip_p_adjusted": found.adjusted_p,
+        "n_scenes": test.n_scenes,
+        "hotelling_p": test.hotelling_p,
+        "hotelling_p_adjusted": holm(test.hotelling_p),
+        "sign_flip_p": test.sign_flip_p,
+        "sign_flip_p_adjusted": test.adjusted_p,
         "sign_flip_p_family": family,
     }
     means = {"mean_u_px": "mean_u", "mean_v_px": "mean_v"}
     found_at = {**tests, **curve.bounds}
     ages = curve.points.with_columns_seq(**means, **{name: pl.Series(p) for name, p in found_at.items()})
-    known = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
+    labels = {name: pl.lit(value) for name, value in zip(_CURVE, curve.key, strict=True)}
     return [
-        rows.with_columns_seq(**known, within=curve.within) for rows in (_overall(ages, found, curve.n_scenes), ages)
+        rows.with_columns_seq(**labels, within=curve.within) for rows in (_overall(ages, test, curve.n_scenes), ages)
     ]
 
 
@@ -318,20 +318,20 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     return rows.with_columns_seq(why=said, verdict=verdict, level=level)
 
 
-def _overall(ages: pl.DataFrame, found: FlipTest, n_scenes: int) -> pl.DataFrame:
+def _overall(ages: pl.DataFrame, test: FlipTest, n_scenes: int) -> pl.DataFrame:
     """Row of all ages, with the means of the strongest."""
     counted = {"n_scenes": n_scenes}
-    if found.strongest is None:
-        enough = (found.n_scenes >= MIN_SCENES).any()
+    if test.strongest is None:
+        enough = (test.n_scenes >= MIN_SCENES).any()
         why = _FEW_GROUPS if enough else f"no age or frame has {MIN_SCENES} scenes"
         why = why if ages.height else "no age or frame has enough features"
         return pl.DataFrame({**counted, "why": why})
     strongest = ages.select_seq("n", "mean_u_px", "mean_v_px", "effect_px", "share_of_second").row(
-        found.strongest, named=True
+        test.strongest, named=True
     )
-    family = {"sign_flip_p_family": ages["sign_flip_p_family"][found.strongest]}
-    p = {"sign_flip_p": found.overall_p, "sign_flip_p_adjusted": found.overall_p, **family}
-    why = "strongest evidence at {axis} {at}".format(**ages.row(found.strongest, named=True))
+    family = {"sign_flip_p_family": ages["sign_flip_p_family"][test.strongest]}
+    p = {"sign_flip_p": test.overall_p, "sign_flip_p_adjusted": test.overall_p, **family}
+    why = "strongest evidence at {axis} {at}".format(**ages.row(test.strongest, named=True))
     return pl.DataFrame({**strongest, **counted, **p, "why": why})
 
 
@@ -355,7 +355,7 @@ def mean_bounds(means: Array, chance: Chance) -> Mapping[str, Array]:
         Flips of these scenes.
     """
     there = ~np.isnan(means[..., 0])
-    found = np.full((means.shape[1], len(BOUNDS)), np.nan)
+    bounds = np.full((means.shape[1], len(BOUNDS)), np.nan)
     patterns, kind = np.unique(there, axis=1, return_inverse=True)
     for place, pattern in enumerate(patterns.T):
         if not chance.units(pattern):
@@ -363,8 +363,8 @@ def mean_bounds(means: Array, chance: Chance) -> Mapping[str, Array]:
         rows, directions = chance.rows(pattern)
         for age in np.flatnonzero(kind.ravel() == place):
             put_together = rows[:, pattern] @ means[pattern, age]
-            found[age] = _bounds(put_together, directions, rows[:, pattern].sum(axis=1) @ directions[0])
-    return dict(zip(BOUNDS, found.T, strict=True))
+            bounds[age] = _bounds(put_together, directions, rows[:, pattern].sum(axis=1) @ directions[0])
+    return dict(zip(BOUNDS, bounds.T, strict=True))
 
 
 def _bounds(rows: Array, directions: Array, length: float) -> Array:

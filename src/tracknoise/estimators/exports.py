@@ -551,7 +551,7 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
     if model.truth.verdict is not Trust.trusted:
         return "errors of the truth may be what they have in common"
     if about.inertial:
-        return "with an inertial sensor, this did not change the NEES in trials"
+        return "with an inertial sensor, errors in common did not change the NEES in trials"
     return "what this does to sigma was not computed"
 
 

@@ -71,6 +71,18 @@ def export_arms(model: NoiseModel) -> Arms:
     }
 
 
+def feature_arms(model: NoiseModel) -> Arms:
+    """The export to OpenVINS for several numbers of features of a frame, and with independent errors of features."""
+    independent = _printed(replace(model, common_share=None))
+    return {
+        "shipped: 1 px, gate 1": SHIPPED,
+        "export, independent features": independent,
+        **{f"export, {features} features per frame": _printed(model, features) for features in (50, 200, 400)},
+        "export, independent, no features in state": replace(independent, most_features=0),
+        "export, 200, no features in state": replace(_printed(model, 200), most_features=0),
+    }
+
+
 def gate_arms(model: NoiseModel) -> Arms:
     """Rules for the gates of an export: share of good ones that pass, and share of predicted poses, one at a time."""
     kept = (GOOD, 0.0), (LEVEL, 0.0)
@@ -86,6 +98,7 @@ ARMS: Mapping[str, Callable[[NoiseModel], Arms]] = {
     "sigmas": sigma_arms,
     "exports": export_arms,
     "gates": gate_arms,
+    "features": feature_arms,
 }
 
 
@@ -93,9 +106,9 @@ def _said(level: float, predicted: float | None) -> str:
     return f"{level:g}, p {'as claimed' if predicted is None else f'{predicted:.2g}'}"
 
 
-def _printed(model: NoiseModel) -> Assumed:
-    """The export to OpenVINS."""
-    advised = estimator("openvins").advise(model, window=CLONES)
+def _printed(model: NoiseModel, features: int | None = None) -> Assumed:
+    """The export to OpenVINS; by default for as many features of a frame as it ships."""
+    advised = estimator("openvins").advise(model, window=CLONES, features=features)
     state = advised.state
     assert state is not None
     return Assumed(

@@ -3,6 +3,7 @@
     python -m benchmarks.filter_trial                              # planted noise: 40 sequences of 60 frames
     python -m benchmarks.filter_trial --runs 8 --frames 30
     python -m benchmarks.filter_trial --features 50 --lifetime 60  # some of them features in the state
+    python -m benchmarks.filter_trial --common .05 --tracks 24     # of errors, 5 % are common to a frame
     python -m benchmarks.filter_trial RUN [RUN ...] --tracker lucas-kanade --arms exports --starts 2
 
 With runs of the reader `simulated`, kept with `keep = "observations"` and 20 frames per second, the filter is given the
@@ -296,6 +297,7 @@ def main() -> None:
     parser.add_argument("--tracks", type=int, default=8, help="tracks that begin in each of its frames")
     parser.add_argument("--lifetime", type=int, default=CLONES, help="most frames of these tracks")
     parser.add_argument("--features", type=int, default=0, help="features in the state, with planted noise")
+    parser.add_argument("--common", type=float, default=0.0, help="share of planted noise that features have in common")
     options = parser.parse_args()
     if options.run:
         plan = Plan(arms=options.arms, starts=options.starts, seeds=options.seeds, cuts=options.cut)
@@ -305,7 +307,7 @@ def main() -> None:
         arms, found = _planted_arms(noise, options.features), []
         for seed in range(options.runs):
             problem = planted_problem(
-                PlantedNoise(noise=noise),
+                PlantedNoise(noise=noise, common_share=options.common),
                 n_frames=options.frames,
                 per_frame=options.tracks,
                 lifetime=options.lifetime,

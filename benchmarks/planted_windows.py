@@ -95,7 +95,8 @@ def noisy(
         scene, CAMERA, world_from_camera, tuple(_exact(random, world_from_camera, group) for group in tracks)
     )
     shared = random.standard_normal((len(world_from_camera), 2))
-    uv = tuple(group.uv + _errors(random, exact, group, planted, shared) for group in exact.groups)
+    steps = np.random.default_rng((seed, 3)).standard_normal(shared.shape)
+    uv = tuple(group.uv + _errors(random, exact, group, planted, shared, steps) for group in exact.groups)
     return exact.with_uv(uv)
 
 
@@ -112,6 +113,7 @@ def _errors(
     group: TrackGroup,
     planted: PlantedNoise,
     shared: NDArray[np.float64],
+    steps: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """(tracks, n, 2) px: errors about the true positions."""
     magnification = magnification_of(problem, group)[:, :, None]
@@ -120,8 +122,9 @@ def _errors(
         _drawn(random, ages.shape, planted.student_nu) @ _root(part).T
         for part in (planted.noise.first, planted.noise.white, planted.noise.walk, planted.noise.drift)
     )
-    common = shared[group.frames] @ _root(planted.noise.white).T
-    w = np.sqrt(1.0 - planted.common_share) * w + np.sqrt(planted.common_share) * common
+    own, common = np.sqrt(1.0 - planted.common_share), np.sqrt(planted.common_share)
+    w = own * w + common * shared[group.frames] @ _root(planted.noise.white).T
+    q = own * q + common * steps[group.frames] @ _root(planted.noise.walk).T
     w *= (group.quality[TEXTURE] ** -planted.texture_exponent)[:, :, None]
     q[:, 0] = 0.0
     walked = magnification * np.cumsum(q / magnification, axis=1)

@@ -299,7 +299,7 @@ class PlantedNoise:
     track_nu: float = np.inf
     # mean drift of all tracks along u and v, px per frame since birth
     bias_px_per_frame: tuple[float, float] = (0.0, 0.0)
-    # share of the independent variance W that all tracks of a frame have in common, from 0 to 1
+    # share of W, and of Q, that all tracks of a frame have in common, from 0 to 1
     common_share: float = 0.0
     # the independent variance is multiplied by texture^(-2 exponent), where the logarithm of the texture is Gaussian
     # with mean 0 and standard deviation 0.5

@@ -3,7 +3,7 @@ import polars as pl
 import pytest
 
 import tracknoise as tn
-from tracknoise.estimators.fit import fit_common
+from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.training import training_tables
 from tracknoise.inference.units import NO_GROUPS
 from tracknoise.report.noise_cells import model_sentences
@@ -44,7 +44,8 @@ def test_outliers_do_not_change_it(common_run) -> None:
     read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
     rigid = read["rigid"].with_columns(pl.col("error_uu", "error_vv") * 100.0)
     with_outliers, without = (
-        fit_common(table, read["noise_sums"], groups=NO_GROUPS, level=0.95) for table in (rigid, read["rigid"])
+        CommonErrors.of(table, read["noise_sums"], groups=NO_GROUPS, level=0.95).share
+        for table in (rigid, read["rigid"])
     )
     assert with_outliers == without
 
@@ -54,4 +55,32 @@ def test_errors_that_are_all_zero_have_no_common_share(common_run) -> None:
     read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
     rigid = read["rigid"].with_columns(pl.col("^rigid_.*$") * 0.0)
     squares = read["noise_sums"].with_columns(pl.col("uu", "uv", "vv") * 0.0)
-    assert fit_common(rigid, squares, groups=NO_GROUPS, level=0.95) is None
+    assert CommonErrors.of(rigid, squares, groups=NO_GROUPS, level=0.95) is None
+
+
+def test_a_white_shift_is_told_from_a_walk(common_run) -> None:
+    read = training_tables(RunFolder(common_run), tracker="oracle", speed=1)
+    common = CommonErrors.of(read["rigid"], read["noise_sums"], groups=NO_GROUPS, level=0.95)
+    white, walk, both = common.variances([1.0, 0.0, 2.0], [0.0, 1.0, 3.0])
+    assert white.value == pytest.approx(COMMON, rel=0.25)
+    assert white.low > 0.0
+    assert walk.value < 0.1 * white.value
+    assert both.value == pytest.approx(2.0 * white.value + 3.0 * walk.value)
+
+
+@pytest.mark.parametrize(("white", "walk"), [(0.04, 0.0), (0.0, 0.01), (0.02, 0.005)])
+def test_products_that_grow_with_age_are_a_walk(white: float, walk: float) -> None:
+    """Exact means at five ages, the same in all scenes."""
+    ages, scenes, n = np.array([1, 2, 4, 8, 16]), 8, 1000
+    rows = [(f"{scene}", int(age), 2.0 * n * (white + walk * age)) for scene in range(scenes) for age in ages]
+    table = pl.DataFrame(rows, schema=["scene", "age", "product"], orient="row")
+    rigid = table.select(
+        "scene", "age", dataset=pl.lit("d"), block=0, n=pl.lit(n), fitted_to=pl.lit("own"),
+        rigid_uu=pl.col("product") / 2, rigid_vv=pl.col("product") / 2,
+    )  # fmt: skip
+    sums = table.select(
+        "scene", "age", dataset=pl.lit("d"), block=0, n=pl.lit(n), product=pl.lit("error"),
+        uu=pl.lit(100.0), vv=pl.lit(100.0),
+    )  # fmt: skip
+    common = CommonErrors.of(rigid, sums, groups=NO_GROUPS, level=0.95)
+    assert [one.value for one in common.variances([1.0, 0.0], [0.0, 1.0])] == pytest.approx([white, walk], abs=1e-9)

@@ -14,12 +14,14 @@ from tracknoise.estimators.linear_window import (
     consistent_sigma,
     determines_poses,
     influences,
+    influences_in_common,
     linear_tracks,
     outcome,
     scalar_variances,
     simulated_tracks,
     trajectory,
     true_covariances,
+    without,
 )
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.inference.track_noise import Reference, TrackNoise
@@ -227,3 +229,31 @@ def test_influences_are_known_of_windows_whose_poses_are_hardly_determined():
     assert determines_poses(window)
     found = influences(window, scalar_variances(window, 1.0, first=10.0))
     assert all(np.isfinite(found[purpose]).all() for purpose in Purpose)
+
+
+@pytest.mark.parametrize("kind", ["white", "walk"])
+def test_errors_in_common_add_what_is_said_for_each_feature(kind: str) -> None:
+    """Errors that are the same in all tracks, drawn onto windows with twice as many tracks as it was computed for."""
+    noise = TrackNoise.isotropic(first=0.3, white=0.3, walk=0.1)
+    poses = trajectory(Motion.SIDEWAYS, 11)
+    lengths = np.array([4, 6, 11])
+    few, many = (
+        [linear_tracks(CAMERA, poses, own) for own in simulated_tracks(poses, n_tracks=n, lengths=lengths)]
+        for n in (80, 160)
+    )
+    added = influences_in_common(few, scalar_variances(few, 1.0), noise)
+    steps = np.random.default_rng(1).standard_normal((2000, 11, 2))
+    errors = []
+    for tracks in many:
+        drawn = steps[:, tracks.frames]
+        walked = np.cumsum(np.where(np.arange(drawn.shape[2])[:, None] > 0, drawn, 0.0), axis=2)
+        errors.append((0.3 * drawn if kind == "white" else 0.1 * walked).reshape(2000, len(tracks.frames), -1))
+    rows = [without(tracks.by_pose, np.linalg.qr(tracks.by_point)[0]) for tracks in many]
+    size = rows[0].shape[2]
+    information = sum(own.reshape(-1, size).T @ own.reshape(-1, size) for own in rows)
+    right = sum(own.reshape(2000, -1) @ row.reshape(-1, size) for own, row in zip(errors, rows, strict=True))
+    found = np.einsum("di,ij,dj->d", right, np.linalg.inv(information), right).mean() / size
+    features = np.bincount(np.concatenate([tracks.frames.ravel() for tracks in many]))
+    expected = added[Purpose.ALL_POSES][int(kind == "walk")] * np.square(features).sum() / features.sum()
+    assert found == pytest.approx(expected, rel=0.1)
+    assert not added[Purpose.INNOVATIONS].any()

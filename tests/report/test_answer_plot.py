@@ -24,7 +24,7 @@ def model(fitted_run):
 
 def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
     sizes = (number_of(value, None, None) for value in (sigma, innovations))
-    return NoiseToSet(tracker, "#0072B2", 11, next(sizes), is_bound, "", next(sizes))
+    return NoiseToSet(tracker, "#0072B2", 11, None, next(sizes), is_bound, "", next(sizes))
 
 
 @pytest.mark.parametrize(

@@ -330,7 +330,9 @@ class Run:
             raise UnknownNameError("tracker", tracker, trackers)
         return findings_about(findings.sort("rank"), run_results(self._folder), tracker)
 
-    def sigma(self, estimator: str, *, window: int | None = None) -> "dict[str, SigmaToSet]":
+    def sigma(
+        self, estimator: str, *, window: int | None = None, features: int | None = None
+    ) -> "dict[str, SigmaToSet]":
         """Say what to set in an estimator: the same numbers as its findings and ``export --to text``.
 
         For example ``run.sigma("openvins")["lucas-kanade"].sigma_px``.
@@ -339,8 +341,9 @@ class Run:
         ----------
         estimator
             Its name or an alias, or a kind: see ``tracknoise export``.
-        window
-            Length of its window, frames; by default that of the experiment if it names this estimator, else as shipped.
+        window, features
+            Length of its window, frames, and features that it uses in a frame; by default those of the experiment if it
+            names this estimator, else as shipped.
 
         Returns
         -------
@@ -355,7 +358,7 @@ class Run:
         """
         from tracknoise.api.sigma_to_set import sigmas_to_set
 
-        return sigmas_to_set(self._folder, estimator, window)
+        return sigmas_to_set(self._folder, estimator, window=window, features=features)
 
     @property
     def truth(self) -> TruthVerdict:

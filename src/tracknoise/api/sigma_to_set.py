@@ -3,12 +3,10 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import polars as pl
-
 from tracknoise.estimators.advice import Advice, Gate, innovations_of
-from tracknoise.estimators.exports import Estimator, estimator, estimator_name, right_for
+from tracknoise.estimators.exports import Estimator, Target, asked, estimator, estimator_name, right_for
 from tracknoise.estimators.noise_model import NoiseModel
-from tracknoise.estimators.run_models import ADVICE, run_models
+from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import SettingsError
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.store import RunFolder
@@ -29,6 +27,8 @@ class SigmaToSet:
     window, simulated, makes_right
         Length of the windows that sigma is for, frames; whether they are simulated, because no recording has so many
         frames that move; and what sigma makes right.
+    features
+        Features of a frame whose errors in common sigma counts; None where it takes them as independent.
     innovations_px
         What innovations will look like: their standard deviation, px.
     state_sigma_px
@@ -49,6 +49,7 @@ class SigmaToSet:
     high_px: float | None
     window: int
     simulated: bool
+    features: int | None
     makes_right: str
     innovations_px: float
     state_sigma_px: float | None
@@ -69,12 +70,15 @@ class SigmaToSet:
             "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
             "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
             "makes right": f"{self.makes_right}, in {simulated}windows of {self.window} frames",
+            "features of a frame": "taken as independent" if self.features is None else f"{self.features}",
             "truth": self.caveat,
         }
         return html_card(f"{self.tracker} in {self.estimator}", {name: fact for name, fact in facts.items() if fact})
 
 
-def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[str, SigmaToSet]:
+def sigmas_to_set(
+    run: RunFolder, name: str, *, window: int | None = None, features: int | None = None
+) -> dict[str, SigmaToSet]:
     """What to set in an estimator for each tracker that has a noise model, by the name of the tracker.
 
     Parameters
@@ -83,8 +87,9 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
         A finished run.
     name
         Of the estimator, or one of its aliases.
-    window
-        Length of its window, frames; by default that of the experiment if it names this estimator, else as shipped.
+    window, features
+        Length of its window, frames, and features that it uses in a frame; by default those of the experiment if it
+        names this estimator, else as shipped.
 
     Raises
     ------
@@ -95,12 +100,13 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
     if not noise_models.models:
         why = "; ".join(f"{tracker}: {reason}" for tracker, reason in noise_models.missing.items())
         raise SettingsError(f"{run.path}: no tracker has a noise model, expected one{f' ({why})' if why else ''}")
-    length = _asked_window(run.statistics(ADVICE), estimator_name(name)) if window is None else window
+    of_experiment = asked(run.settings(), estimator_name(name))
+    target = Target(window=window or of_experiment.window, features=features or of_experiment.features)
     advised: dict[str, SigmaToSet] = {}
     reasons = []
     for tracker, model in noise_models.models.items():
         try:
-            advised[tracker] = _to_set(model, tracker, about, length)
+            advised[tracker] = _to_set(model, tracker, about, target)
         except SettingsError as error:  # no error in any direction that the estimator can see
             reasons.append(str(error))
     if not advised:
@@ -108,14 +114,8 @@ def sigmas_to_set(run: RunFolder, name: str, window: int | None = None) -> dict[
     return advised
 
 
-def _asked_window(advice: pl.DataFrame, name: str) -> int | None:
-    """The window of the experiment, if its advice is for this estimator."""
-    rows = advice.filter(estimator=name)
-    return int(rows["window"][0]) if rows.height else None
-
-
-def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | None) -> SigmaToSet:
-    advice = about.advise(model, window=window)
+def _to_set(model: NoiseModel, tracker: str, about: Estimator, target: Target) -> SigmaToSet:
+    advice = about.advise(model, window=target.window, features=target.features)
     innovations = innovations_of(model, advice)
     return SigmaToSet(
         tracker=tracker,
@@ -125,6 +125,7 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, window: int | Non
         high_px=advice.sigma.high,
         window=advice.window,
         simulated=advice.simulated,
+        features=advice.features,
         makes_right=right_for(advice),
         innovations_px=innovations.value,
         state_sigma_px=None if advice.state is None else advice.state.sigma.value,

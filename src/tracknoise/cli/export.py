@@ -1,7 +1,7 @@
 """``tracknoise export``: the noise of a tracker in the syntax of an estimator, from a run or from a noise model."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -93,7 +93,7 @@ def export(
     reasons = _reasons(allow)
     form = _form(to, tracks)
     require_outputs([("--model", model)], inputs=[source, tracks])
-    target = _target(focal, rate, window, reasons)
+    target = _target(source, form, focal, rate, window, reasons)
     sources = _sources(context.obj, source, form, model, tracker, speed, accepted=UNTRUSTED in reasons, force=force)
     for item in sources:
         _write(context.obj, item, form, target, tracks, out, accepted=UNTRUSTED in reasons, force=force)
@@ -130,19 +130,26 @@ def _reasons(allow: Sequence[str] | None) -> frozenset[str]:
     return frozenset(allow or ())
 
 
-def _target(focal: float | None, rate: float | None, window: int | None, reasons: frozenset[str]) -> "Target":
-    from tracknoise.estimators.exports import FocalChange, RateChange, Target
+def _target(
+    source: Path, form: str, focal: float | None, rate: float | None, window: int | None, reasons: frozenset[str]
+) -> "Target":
+    """What is stated, and else the window and the features that the experiment of a run has for this estimator."""
+    from tracknoise.estimators.exports import FocalChange, RateChange, asked
     from tracknoise.exceptions import SettingsError
+    from tracknoise.tables.store import RunFolder
 
     for kind in (FocalChange, RateChange):
         if reasons.issuperset(kind):
             raise SettingsError(f"--allow: found {' and '.join(kind)}, expected one of them")
-    return Target(
+    settings = RunFolder(source).settings() if source.is_dir() else {}
+    of_experiment = asked(settings, _KIND if form == _TEXT else form)
+    return replace(
+        of_experiment,
         focal_px=focal,
         rate_hz=rate,
         focal_change=next((change for change in FocalChange if change in reasons), None),
         rate_change=next((change for change in RateChange if change in reasons), None),
-        window=window,
+        window=window or of_experiment.window,
     )
 
 
@@ -256,7 +263,7 @@ def _write(
     from tracknoise.tables.files import write_atomically
 
     if form in _OF_TRACKNOISE:
-        content = _as_text(source.model, target.window) if form == _TEXT else _header(source.model)
+        content = _as_text(source.model, target) if form == _TEXT else _header(source.model)
         marked = "noise.txt" if form == _TEXT else "noise.hpp"
         files, used, shown = {marked: content}, list[str](), content
     else:
@@ -276,15 +283,16 @@ def _write(
     terminal.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), *used]))
 
 
-def _as_text(model: "NoiseModel", window: int | None) -> str:
+def _as_text(model: "NoiseModel", target: "Target") -> str:
     """What to set, the components, and one sigma for each purpose."""
     from tracknoise.cli.terminal import wrapped
     from tracknoise.cli.text_table import plain
     from tracknoise.estimators.exports import hash_text
     from tracknoise.report.noise_cells import component_cells, equivalent_cells, model_sentences
 
-    sentences = "\n".join(line for sentence in model_sentences(model, _KIND) for line in wrapped(sentence))
-    tables = [component_cells(model), equivalent_cells(model, window or _WINDOW)]
+    said = model_sentences(model, _KIND, features=target.features)
+    sentences = "\n".join(line for sentence in said for line in wrapped(sentence))
+    tables = [component_cells(model), equivalent_cells(model, target.window or _WINDOW)]
     return "\n\n".join([sentences, *map(plain, tables), f"Model: {hash_text(model.sha256)}"]) + "\n"
 
 

@@ -23,6 +23,13 @@ does with the first observation. With fewer than six scenes, blocks of tracks ar
 A is in tracks that begin in the window. Tracks that began before it have W in their first observation there. If the
 first direction is a state with the prior A, the claimed covariances are not in proportion to s^2, and s is found by
 trying. Its interval is as wide, relative to it, as that for a free landmark.
+
+Errors that features of a frame have in common do not average out over them, and what is claimed does. Each feature adds
+
+    mean over scenes of kappa_white white + kappa_walk walk    (equivalents.common)
+
+to s^2, with the variances of (common.parts) and kappa from the linear benchmark (`influences_in_common`). White errors
+divide among first positions and others as A and W do. A first direction that is a state has this in proportion to s^2.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,7 +41,15 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy.special import gammaincinv
 
-from tracknoise.estimators.linear_window import EXACT, LinearTracks, TrackGates, influences, scalar_variances
+from tracknoise.estimators.errors_in_common import CommonErrors
+from tracknoise.estimators.linear_window import (
+    EXACT,
+    LinearTracks,
+    TrackGates,
+    influences,
+    influences_in_common,
+    scalar_variances,
+)
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
 from tracknoise.estimators.training import Windows
 from tracknoise.inference.conventions import IntervalKind
@@ -169,6 +184,7 @@ def equivalents(
     length: int,
     speed: int,
     gates: Gates,
+    common: CommonErrors | None = None,
 ) -> list[Equivalent]:
     """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
     mean = MeanSquares.of(fitted, windows, speed)
@@ -176,7 +192,32 @@ def equivalents(
     state = _state(fitted, mean, free)
     prior = fitted.components["first"].sigma.value
     named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
-    return [replace(one, simulated=windows.simulated) for one in _named(named, length, gates)]
+    found = [replace(one, simulated=windows.simulated) for one in _named(named, length, gates)]
+    if common is None:
+        return found
+    added = {first: mean.of_common(common, _in_common(fitted.noise, speed), first) for first in (None, EXACT)}
+    of_state = {purpose: _times(one, state[purpose], free[purpose]) for purpose, one in added[None].items()}
+    by_landmark = {Landmark.FREE: added[None], Landmark.EXACT: added[EXACT], Landmark.STATE: of_state}
+    return [replace(one, per_feature=by_landmark[one.landmark].get(one.purpose)) for one in found]
+
+
+def _in_common(noise: TrackNoise, speed: int) -> TrackNoise:
+    """Errors in common of variance 1 about the first position, and of a walk of variance 1 per frame."""
+    first, white = white_parts(noise)
+    return TrackNoise.isotropic(first=first**0.5, white=white**0.5, walk=float(speed) ** 0.5)
+
+
+def white_parts(noise: TrackNoise) -> tuple[float, float]:
+    """Shares of A and W in their sum; all is W where there is neither."""
+    first, white = (float(np.trace(part)) for part in (noise.first, noise.white))
+    share = first / (first + white) if first > 0.0 else 0.0
+    return share, 1.0 - share
+
+
+def _times(one: Interval, state: Interval, free: Interval) -> Interval:
+    """What a feature adds where the first direction is a state, from that of a free landmark, and both sigmas."""
+    ratio = (state.value / free.value) ** 2 if free.value > 0.0 else 0.0
+    return _scaled(one, one.value * ratio) if one.value > 0.0 else one
 
 
 def _named(
@@ -244,6 +285,15 @@ class MeanSquares:
         found = pooled(units, np.zeros((0, len(sums))), column_means, method, scales=["log"])
         bounds = zip(found.value[0], found.low[0], found.high[0], strict=True)
         return {purpose: _root(*(float(one) for one in own)) for purpose, own in zip(Purpose, bounds, strict=True)}
+
+    def of_common(self, common: CommonErrors, unit: TrackNoise, first: float | None) -> dict[Purpose, Interval]:
+        """What each feature of a frame adds to the squares of sigmas for poses, px^2, by (equivalents.common)."""
+        poses = [purpose for purpose in Purpose if purpose is not Purpose.INNOVATIONS]
+        each = [influences_in_common(own, scalar_variances(own, 1.0, first=first), unit) for own in self.windows]
+        found = np.array([[own[purpose] for purpose in poses] for own in each])
+        of_scenes = np.array([found[list(places)].mean(axis=0) for places in self.places])
+        white, walk = of_scenes.mean(axis=0).T
+        return dict(zip(poses, common.variances(white.tolist(), walk.tolist()), strict=True))
 
     def mean(self, sigma: float, first: float | None, some: Sequence[int]) -> Array:
         """Over some windows, (purposes,), where the first direction is a state with this prior, or free."""

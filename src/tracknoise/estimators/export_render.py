@@ -60,12 +60,18 @@ def scaled_component(component: Component, scale: float) -> Component:
 
 def scaled_equivalent(equivalent: Equivalent, scale: float) -> Equivalent:
     """A sigma that is larger by a factor. Gates are ratios, and stay."""
-    return replace(equivalent, sigma=scaled_interval(equivalent.sigma, scale))
+    per_feature = _scaled_variance(equivalent.per_feature, scale)
+    return replace(equivalent, sigma=scaled_interval(equivalent.sigma, scale), per_feature=per_feature)
+
+
+def _scaled_variance(variance: Interval | None, scale: float) -> Interval | None:
+    return None if variance is None else scaled_interval(variance, scale**2)
 
 
 def _scaled_points(points: KnownPoints, scale: float) -> KnownPoints:
     knee_px = None if points.knee_px is None else scale * points.knee_px
-    return replace(points, knee_px=knee_px, sigma=scaled_interval(points.sigma, scale))
+    per_feature = _scaled_variance(points.per_feature, scale)
+    return replace(points, knee_px=knee_px, sigma=scaled_interval(points.sigma, scale), per_feature=per_feature)
 
 
 def scaled_interval(interval: Interval, scale: float) -> Interval:
@@ -320,7 +326,7 @@ def export(
     """
     about, wanted = estimator(name), target or Target()
     at = converted(model, wanted)
-    noise = Noise.of(at.model, about, window=wanted.window, purpose=wanted.purpose)
+    noise = Noise.of(at.model, about, wanted)
     camera = at.model.camera
     known = {"focal length": camera.focal_px, "rate": camera.rate_hz, "observations": observations}
     _require_known(about, known)

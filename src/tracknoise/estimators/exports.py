@@ -13,13 +13,22 @@ from functools import cache, partial
 from importlib import resources
 from importlib.metadata import version
 from itertools import chain
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import ConfigDict, TypeAdapter
 
 from tracknoise.checks import require_whole
-from tracknoise.estimators.advice import SHORTEST_WINDOW, Advice, ExportedModel, Gate, advise, observation_gate
+from tracknoise.estimators.advice import (
+    FEATURES,
+    SHORTEST_WINDOW,
+    Advice,
+    ExportedModel,
+    Gate,
+    advise,
+    observation_gate,
+)
 from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark, LossKind, Purpose
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.inference.track_noise import COMPONENTS, NAMES
@@ -63,7 +72,8 @@ class Target:
     Raises
     ------
     SettingsError
-        If the window has fewer than two frames, or a reason is given for a focal length or a rate that is not.
+        If the window has fewer than two frames, a frame has no features, or a reason is given for a focal length or a
+        rate that is not.
     """
 
     focal_px: float | None = None  # Focal length of its images, px. By default, that of the model.
@@ -71,19 +81,30 @@ class Target:
     # focal_change, rate_change: Why they differ from those of the model. They must not, if None.
     focal_change: FocalChange | None = None
     rate_change: RateChange | None = None
-    # window, purpose: Length of its window, frames, and what its sigma is to make right. By default, what is usual for
-    # the estimator.
+    # window, features, purpose: Length of its window, frames, features of a frame, and what its sigma is to make right.
+    # By default, what is usual for the estimator.
     window: int | None = None
+    features: int | None = None
     purpose: Purpose | None = None
 
     def __post_init__(self) -> None:
         """Refuse a window without a second frame, and reasons for a difference that is not stated."""
         if self.window is not None:
             require_whole("window", self.window, SHORTEST_WINDOW)
+        if self.features is not None:
+            require_whole("features", self.features, 1)
         if self.focal_change is not None and self.focal_px is None:
             raise SettingsError(f"found no focal length, expected one because it may differ ({self.focal_change})")
         if self.rate_change is not None and self.rate_hz is None:
             raise SettingsError(f"found no rate, expected one because it may differ ({self.rate_change})")
+
+
+def asked(settings: Mapping[str, Any], name: str) -> Target:
+    """Window and features of an estimator, by the settings of an experiment; as shipped where it names another one."""
+    stated = settings.get("estimator", {})
+    return (
+        Target(window=stated.get("window"), features=stated.get("features")) if stated.get("name") == name else Target()
+    )
 
 
 LEAST_PX = 0.01
@@ -102,16 +123,16 @@ class Noise:
     set_to: Advice | None  # what to set; None if it takes the components themselves
 
     @classmethod
-    def of(cls, model: ExportedModel, about: "Estimator", *, window: int | None, purpose: Purpose | None) -> "Noise":
-        """The noise of a model for an estimator; by default with its window and purpose.
+    def of(cls, model: ExportedModel, about: "Estimator", target: Target) -> "Noise":
+        """The noise of a model for an estimator.
 
         Raises
         ------
         SettingsError
             If the model has no such sigma.
         """
-        wanted = about.purpose and (purpose or about.purpose)
-        found = None if wanted is None else about.advise(model, window=window, purpose=wanted)
+        wanted, window = about.purpose and (target.purpose or about.purpose), target.window
+        found = None if wanted is None else about.advise(model, window=window, features=target.features, purpose=wanted)
         return cls(model, about, window or about.window, found)
 
     @property
@@ -136,7 +157,8 @@ class Noise:
     def plain_sigma(self) -> float:
         """Standard deviation without a robust loss, px."""
         without = replace(self.about, kernel=None)
-        return without.advise(self.model, window=self.window, purpose=self.advice.purpose).sigma.value
+        features, purpose = self.advice.features, self.advice.purpose
+        return without.advise(self.model, window=self.window, features=features, purpose=purpose).sigma.value
 
     @property
     def gate(self) -> float:
@@ -253,6 +275,8 @@ class Estimator:
     # purpose is None where the components of the model are written themselves.
     purpose: Purpose | None = None
     window: int = 11
+    # Whether it has an inertial sensor: then features count as independent, unless their number is stated.
+    inertial: bool = False
     # kernel, knee: its robust loss, and the knee in sigmas where it cannot be set
     kernel: LossKind | None = None
     knee: float | None = None
@@ -267,8 +291,15 @@ class Estimator:
     patch: str | None = None
     aliases: tuple[str, ...] = ()  # other names: of programs that are written for alike, and names that are in use
 
-    def advise(self, model: ExportedModel, *, window: int | None = None, purpose: Purpose | None = None) -> Advice:
-        """What to set; by default for its window and purpose.
+    def advise(
+        self,
+        model: ExportedModel,
+        *,
+        window: int | None = None,
+        features: int | None = None,
+        purpose: Purpose | None = None,
+    ) -> Advice:
+        """What to set; by default for its window, `FEATURES` features of a frame where they count, and its purpose.
 
         Raises
         ------
@@ -280,7 +311,15 @@ class Estimator:
             name = next(name for name, about in estimators().items() if about.title == self.title)
             instead = f"`tracknoise export MODEL --to {name}`, which writes the components"
             raise SettingsError(f"{self.title} takes no single sigma, expected {instead}")
-        of_purpose = partial(advise, model, landmark=self.landmark, purpose=wanted, kernel=self.kernel, knee=self.knee)
+        of_purpose = partial(
+            advise,
+            model,
+            landmark=self.landmark,
+            purpose=wanted,
+            features=features or (None if self.inertial else FEATURES),
+            kernel=self.kernel,
+            knee=self.knee,
+        )
         found = of_purpose(window=self.window if window is None else window, gates=self.gates)
         if self.state_window is None:
             return found
@@ -441,9 +480,10 @@ def right_for(advice: Advice) -> str:
 
 
 def _windows(advice: Advice) -> str:
+    features = "" if advice.features is None else f" with {advice.features} features per frame"
     if advice.landmark is Landmark.KNOWN:
-        return f"frames that see points at ages 1 to {advice.window}"
-    return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames"
+        return f"frames that see points at ages 1 to {advice.window}{features}"
+    return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames{features}"
 
 
 def _numbers(advice: Advice, most: str) -> str:
@@ -482,21 +522,37 @@ def _of_model(noise: Noise) -> Iterator[str]:
         yield from _of_advice(noise.advice)
     if noise.model.truth.verdict is not Trust.trusted:
         yield noise.model.truth.sentence
-    yield from of_common(noise.model.common_share)
+    yield from of_common(noise.model, noise.about, noise.set_to)
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
 
 
-def of_common(share: Interval | None) -> Iterator[str]:
-    """Sentences on what does not average out over the features of a frame: a share of the variance."""
-    if share is None:
-        return
-    known = (share.value, share.low, share.high)
-    value, *bounds = (significant(100.0 * one, 2) for one in known if one is not None)
-    interval = f" ({' to '.join(bounds)})" if len(bounds) == 2 else ""
-    yield f"All features of a frame have {value} %{interval} of the variance in common."
-    if share.low:
+def of_common(model: ExportedModel, about: Estimator, advice: Advice | None) -> Iterator[str]:
+    """Sentences on what does not average out over the features of a frame, and whether sigma counts it."""
+    share = model.common_share
+    if share is not None:
+        known = (share.value, share.low, share.high)
+        value, *bounds = (significant(100.0 * one, 2) for one in known if one is not None)
+        interval = f" ({' to '.join(bounds)})" if len(bounds) == 2 else ""
+        yield f"All features of a frame have {value} %{interval} of the variance in common."
+    if advice is not None and advice.features is not None:
+        yield f"Sigma is for {advice.features} features per frame. It grows with their number."
+    elif advice is not None:
+        yield f"Sigma takes features as independent: {_why_independent(model, about)}."
+    elif share is not None and share.low:
         yield "With many features, claimed covariances are too small."
+
+
+def _why_independent(model: ExportedModel, about: Estimator) -> str:
+    if model.common_share is None:
+        return "whether they have errors in common is unknown"
+    if not model.common_share.low:
+        return "that this is above 0 is not established"
+    if model.truth.verdict is not Trust.trusted:
+        return "errors of the truth may be what they have in common"
+    if about.inertial:
+        return "with an inertial sensor, errors in common did not change the NEES in trials"
+    return "what this does to sigma was not computed"
 
 
 def _of_advice(advice: Advice) -> Iterator[str]:

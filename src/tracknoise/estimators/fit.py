@@ -1,4 +1,4 @@
-"""The fit of a noise model to the scenes of a run: bias, shared noise, tails, and all other parts.
+"""The fit of a noise model to the scenes of a run: bias, tails, and all other parts.
 
 For the mean error two forms are tried: a mean by age, and an error along the motion of the image, e = beta f, with the
 motion f of the true position since the frame before. Each is fitted to all scenes but one, in turn. It removes a share
@@ -10,14 +10,6 @@ Scenes of one group are left out together if there are enough groups. However fe
 left out: tracks of a scene share its mean error, so that they would agree on it anyway. A correction by the mean error
 is warranted if this share is at least `LEAST_REDUCTION`, its interval does not reach 0, the mean is more than twice
 what the errors of the truth may cause, and no faults of the truth that an audit found explain it.
-
-For the shared noise, let p be what one half of the tracks of a frame says about the other half: the motion of the image
-by one small error of the pose (`tracknoise.truth_faults.pose_errors`). With errors e, means over errors of the same age
-k, and the number n_k of predictions, the share of the variance of errors that all features of a frame have in common is
-
-    share = sum_k n_k mean_k(e' p) / sum_k n_k mean_k(e' e)    (common.share)
-
-The mean of e' p is not changed by noise that is independent from track to track, and that of e' e is without outliers.
 """
 
 import math
@@ -33,6 +25,7 @@ from tracknoise.analysis.condition_units import units_of
 from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
+from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.kernels import LENGTH, drawn_windows, tried_kernels
 from tracknoise.estimators.model import (
     Bias,
@@ -58,15 +51,14 @@ from tracknoise.estimators.training import (
     windows,
 )
 from tracknoise.exceptions import SettingsError
-from tracknoise.inference.conventions import LEVEL, IntervalKind
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.densities import Student, fit_student, moments, terms
-from tracknoise.inference.intervals import Method, pooled
 from tracknoise.inference.jackknife import student_interval
 from tracknoise.inference.survival import kaplan_meier
 from tracknoise.inference.track_noise import TrackNoise, error_covariances
 from tracknoise.inference.units import NO_GROUPS, SceneGroups, by_number
 from tracknoise.statistics.truth_errors import truth_floor
-from tracknoise.tables.enumerations import Axis, FittedTo, FloorSource, Product
+from tracknoise.tables.enumerations import Axis, FloorSource, Product
 from tracknoise.text import without_folders
 
 Array = NDArray[np.float64]
@@ -192,60 +184,6 @@ def _mean_floor(floors: pl.DataFrame, last_age: int) -> float | None:
     return None if found is None or of_all["mean_u_px"].null_count() else float(found)
 
 
-_COMMON_COLUMNS = ("predictions", "predicted", "n", "squares")
-
-
-def fit_common(rigid: pl.DataFrame, sums: pl.DataFrame, *, groups: SceneGroups, level: float) -> Interval | None:
-    """Share of the variance that all features of a frame have in common, by (common.share), with its interval.
-
-    Returns: between 0 and 1; None where it was not measured, as at all speeds but the lowest, or where all errors are
-    0. `rigid`: schema `RIGID`, of one tracker and speed. `sums`: schema `NOISE_SUMS`, of the same.
-    """
-    table = pl.concat([_predictions(rigid), _squares(sums)], how="diagonal").fill_null(0)
-    units = units_of(table.drop("block"), table, points=["age"], columns=_COMMON_COLUMNS, groups=groups)
-    whole = units.sums.sum(axis=0).T
-    used = (whole[0] >= _LEAST) & (whole[2] >= _LEAST)
-    if not used.any() or not (whole[3, used] > 0).any():
-        return None
-    counts = whole[0, used]
-
-    def shares(sums: Array) -> Array:
-        common, every = (_mean_share(sums, place, used) for place in (0, 2))
-        predicted, total = (np.einsum("k,k...->...", counts, means) for means in (common, every))
-        return np.asarray(predicted / np.where(total > 0, total, np.nan))[None, None]
-
-    method = Method(IntervalKind.student, level)
-    sizes = units.sums[..., 2].sum(axis=1)[None]
-    found = pooled(units, np.zeros((0, len(units.sums))), shares, method, sizes=sizes)
-    value, low, high = (float(bound[0, 0]) for bound in (found.value, found.low, found.high))
-    return Interval(value=_share(value), low=_bound(low), high=_bound(high))
-
-
-def _predictions(rigid: pl.DataFrame) -> pl.DataFrame:
-    own = rigid.filter(pl.col("fitted_to") == FittedTo.own)
-    products = pl.col("rigid_uu") + pl.col("rigid_vv")
-    return own.select("dataset", "scene", "block", "age", predictions=pl.col("n").cast(pl.Float64), predicted=products)
-
-
-def _squares(sums: pl.DataFrame) -> pl.DataFrame:
-    errors = sums.filter(pl.col("product") == Product.error)
-    squares = pl.col("uu") + pl.col("vv")
-    return errors.select("dataset", "scene", "block", "age", n=pl.col("n").cast(pl.Float64), squares=squares)
-
-
-def _mean_share(sums: Array, place: int, used: NDArray[np.bool_]) -> Array:
-    """Mean at each age of the sums after a count, (ages, ...); 0 without any."""
-    return np.asarray(sums[place + 1, used] / np.maximum(sums[place, used], 1.0))
-
-
-def _share(value: float) -> float:
-    return min(max(value, 0.0), 1.0)
-
-
-def _bound(value: float) -> float | None:
-    return None if np.isnan(value) else _share(value)
-
-
 _FOLDS = 5
 _MOST = 30_000
 _GAUSSIAN = 200.0
@@ -331,7 +269,8 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
     by_length = _windows(read, LENGTHS)
-    sigmas = _equivalents(read, fitted, by_length)
+    common = common_of(read, level=level)
+    sigmas = _equivalents(read, fitted, by_length, common)
     kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level)
     tails = fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups)
     conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
@@ -345,7 +284,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "conditions": conditions,
         "track_scale": fit_track_scale(read["track_errors"], sums, conditions, groups=read.groups, level=level),
         "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.truth.audit_curves),
-        "common_share": fit_common(read["rigid"], sums, groups=read.groups, level=level),
+        "common_share": None if common is None else common.share,
         "truth_floor_px": _floor(read["floors"], last_age),
         "truth": read.truth.verdict,
         "equivalents": sigmas,
@@ -358,6 +297,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
             lengths=LENGTHS,
             speed=read.speed,
             most_px=_limit_px(outliers),
+            common=common,
             groups=read.groups,
             level=level,
         ),
@@ -369,9 +309,14 @@ def components_of(read: TrainingTables, *, level: float) -> FittedComponents:
     return fit_components(sums_of_units(read["noise_sums"], read.groups), level=level)
 
 
+def common_of(read: TrainingTables, *, level: float) -> CommonErrors | None:
+    """Errors that features of a frame have in common, by the tables."""
+    return CommonErrors.of(read["rigid"], read["noise_sums"], groups=read.groups, level=level)
+
+
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    return _equivalents(read, fitted, _windows(read, lengths))
+    return _equivalents(read, fitted, _windows(read, lengths), common_of(read, level=fitted.level))
 
 
 def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]:
@@ -382,13 +327,13 @@ def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]
 
 
 def _equivalents(
-    read: TrainingTables, fitted: FittedComponents, by_length: Mapping[int, Windows]
+    read: TrainingTables, fitted: FittedComponents, by_length: Mapping[int, Windows], common: CommonErrors | None
 ) -> tuple[Equivalent, ...]:
     noise = fitted.noise.per_frames(read.speed)
     limit_px, found = _limit_px(read["noise_outliers"]), list[Equivalent]()
     for length, some in by_length.items():
         limits = gates(read["window_noise"], length, limit_px=limit_px, window=some.each[0], noise=noise)
-        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits))
+        found.extend(equivalents(fitted, some, length=length, speed=read.speed, gates=limits, common=common))
     return tuple(found)
 
 

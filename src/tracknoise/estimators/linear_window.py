@@ -65,6 +65,7 @@ class PointTracks:
 class LinearTracks:
     """Tracks that have the same number n of observations, with derivatives of the images."""
 
+    frames: NDArray[np.int64]  # (tracks, n) integers: as those of `PointTracks`
     by_pose: NDArray[np.float64]  # (tracks, 2 n, p) float64: by the p unknown coordinates of poses
     by_point: NDArray[np.float64]  # (tracks, 2 n, 3) float64: px per metre
     magnification: NDArray[np.float64]  # (tracks, n) float64: Z_0 / Z_k
@@ -110,6 +111,7 @@ def linear_tracks(
     spread[np.arange(count * length), :, rows] = by_pose
     known = Gauge.of(world_from_camera[:, :3, 3]) if gauge is None else gauge
     return LinearTracks(
+        frames=tracks.frames,
         by_pose=known.free(spread.reshape(count, 2 * length, -1)),
         by_point=by_point.reshape(count, 2 * length, 3),
         magnification=depth[:, :1] / depth,
@@ -275,12 +277,9 @@ def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose
     W, Q and D, (4, 2, 2) each: (benchmark.nees), without the noise itself. Walk and drift are per frame of the window.
     """
     whitened = _whitened(window, assumed)
-    size = window[0].by_pose.shape[2]
     pairs = list(zip(window, whitened, strict=True))
     by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
-    # An upper triangular root of what is claimed. Squares would lose poses that are hardly known. Its last columns are
-    # those of the newest pose over the root of its own block.
-    root = np.linalg.inv(np.linalg.qr(np.concatenate([rows.reshape(-1, size) for rows in by_pose]), mode="r"))
+    root = _root_of_claimed(by_pose)
     roots = {Purpose.ALL_POSES: root, Purpose.NEWEST_POSE: root[:, -_NEWEST:]}
     found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}
     freedom = sum(rows.shape[0] * (rows.shape[1] - 3) for rows in by_pose)
@@ -291,6 +290,61 @@ def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose
         free = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1]))
         found[Purpose.INNOVATIONS] += _contracted(shared, one.unwhitened(without(free, one.span))) / freedom
     return found
+
+
+def influences_in_common(
+    window: Sequence[LinearTracks], assumed: Assumed, noise: TrackNoise
+) -> dict[Purpose, NDArray[np.float64]]:
+    """What errors that all features of a frame have in common add to the mean squares of `influences`, per feature.
+
+    What is claimed falls with the number of features, and errors in common do not. Two numbers for each purpose: of
+    white errors, which are A and W of a noise for one track, and of a walk, which is Q. Innovations at true poses do
+    not depend on other features.
+    """
+    whitened = _whitened(window, assumed)
+    size = window[0].by_pose.shape[2]
+    pairs = list(zip(window, whitened, strict=True))
+    by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
+    root = _root_of_claimed(by_pose)
+    length = 1 + max(int(tracks.frames.max()) for tracks in window)
+    summed, features = np.zeros((2, length, 2, size)), np.zeros(length)
+    for (tracks, one), rows in zip(pairs, by_pose, strict=True):
+        half = (one.unwhitened(rows) @ root).reshape(*tracks.frames.shape, 2, size)
+        for place, own in enumerate(_by_draw(tracks, half, noise)):
+            np.add.at(summed[place], tracks.frames, own)
+        np.add.at(features, tracks.frames, 1.0)
+    each = np.square(summed).sum(axis=(1, 2)) * features.sum() / np.square(features).sum()
+    return {
+        Purpose.INNOVATIONS: np.zeros(2),
+        Purpose.ALL_POSES: each.mean(axis=1),
+        Purpose.NEWEST_POSE: each[:, -_NEWEST:].mean(axis=1),
+    }
+
+
+def _root_of_claimed(by_pose: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """An upper triangular root of what is claimed, from derivatives without what the points absorb.
+
+    Squares would lose poses that are hardly known. Its last columns are those of the newest pose over the root of its
+    own block.
+    """
+    size = by_pose[0].shape[2]
+    return np.linalg.inv(np.linalg.qr(np.concatenate([rows.reshape(-1, size) for rows in by_pose]), mode="r"))
+
+
+def _by_draw(tracks: LinearTracks, half: NDArray[np.float64], noise: TrackNoise) -> list[NDArray[np.float64]]:
+    """What multiplies the draw of each frame, white and of a walk, from what multiplies errors, (tracks, n, 2, q)."""
+    first, white, walk = (_symmetric_root(part) for part in (noise.first, noise.white, noise.walk))
+    drawn = white @ half
+    drawn[tracks.born, 0] = first @ half[tracks.born, 0]
+    carried = tracks.magnification[:, :, None, None] * half
+    later = np.cumsum(carried[:, ::-1], axis=1)[:, ::-1] / tracks.magnification[:, :, None, None]
+    later[:, 0] = 0.0
+    return [drawn, walk @ later]
+
+
+def _symmetric_root(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    values, vectors = np.linalg.eigh(covariance)
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)) @ vectors.T)
 
 
 def _shared(tracks: LinearTracks) -> NDArray[np.float64]:

@@ -114,6 +114,17 @@ class Interval:
         if self.low is not None and self.high is not None and self.low > self.high:
             raise ValueError(f"a lower bound not above the upper one, found {self.low:g} and {self.high:g}")
 
+    @classmethod
+    def of(cls, value: float, low: float, high: float) -> "Interval":
+        """From numbers, with bounds that are NaN where there is no interval."""
+        known = [None if math.isnan(bound) else bound for bound in (low, high)]
+        return cls(value=value, low=known[0], high=known[1])
+
+    def within(self, least: float, most: float) -> "Interval":
+        """The same with numbers that are not beyond these."""
+        low, high = (None if bound is None else min(max(bound, least), most) for bound in (self.low, self.high))
+        return Interval(value=min(max(self.value, least), most), low=low, high=high)
+
     def require_within(self, name: str, **bounds: float) -> None:
         """Raise InvalidValueError, naming the field, unless all numbers are finite and within bounds."""
         for number in (self.value, self.low, self.high):
@@ -123,6 +134,11 @@ class Interval:
 
 def _require_ratio(name: str, ratio: Interval) -> None:
     ratio.require_within(name, ge=1.0 / _MOST_RATIO, le=_MOST_RATIO)
+
+
+def _require_variance(per_feature: Interval | None) -> None:
+    if per_feature is not None:
+        per_feature.require_within("per_feature", ge=0.0, le=MOST_PX**2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,6 +188,9 @@ class Equivalent:
         true poses. That of .80 is missing in files of earlier versions.
     simulated
         Whether the windows are simulated, sideways and forward: no recording has so many frames that move.
+    per_feature
+        What each feature of a frame adds to the square of sigma, px^2, because features err together; None where this
+        is not known.
     """
 
     landmark: Landmark
@@ -182,11 +201,13 @@ class Equivalent:
     gate_99: Ratio
     gate_80: Ratio | None = None
     simulated: bool = False
+    per_feature: Interval | None = None
 
     def __post_init__(self) -> None:
         """Refuse sigmas and gates that no tracker has."""
         require_bounds(self)
         self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
+        _require_variance(self.per_feature)
 
 
 class LossKind(StrEnum):
@@ -278,17 +299,21 @@ class KnownPoints:
         The robust loss, and its knee, px; None without a loss.
     sigma
         Standard deviation of each coordinate, px at full resolution.
+    per_feature
+        As that of `Equivalent`.
     """
 
     window: Annotated[int, Ge(1), Le(100_000)]
     kernel: LossKind | None
     knee_px: Annotated[float, Gt(0), Le(MOST_PX)] | None
     sigma: Interval
+    per_feature: Interval | None = None
 
     def __post_init__(self) -> None:
         """Refuse what no tracker has: see `MOST_PX`."""
         require_bounds(self)
         self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
+        _require_variance(self.per_feature)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -445,15 +445,15 @@ class NoiseModel:
             raise SettingsError(f"correction: {found}, expected (n, 2) and (n,)")
         return corrected(self.bias, observed, since, flow)
 
-    def advise(self, estimator: str = "filter", *, window: int | None = None) -> Advice:
+    def advise(self, estimator: str = "filter", *, window: int | None = None, features: int | None = None) -> Advice:
         """What to set in an estimator, all together: sigma, gates, robust loss and its knee.
 
         Parameters
         ----------
         estimator
             Its name, or a kind of estimators: see docs/estimators/exports.md.
-        window
-            Length of its window, frames; by default as shipped.
+        window, features
+            Length of its window, frames, and features that it uses in a frame; by default as shipped.
 
         Raises
         ------
@@ -462,7 +462,7 @@ class NoiseModel:
         UnknownNameError
             If the estimator is not known.
         """
-        return estimator_of(estimator).advise(self, window=window)
+        return estimator_of(estimator).advise(self, window=window, features=features)
 
     def export(self, estimator: str, *, target: Target | None = None) -> Export:
         """The noise in the syntax of an estimator, with what it makes right and what cannot be expressed.

@@ -12,11 +12,17 @@ loss with weights w(r) of residuals r px has the NEES (loss.nees) over sigma^2. 
     E[w] E[w^2 r^2] / 2 / E[w + r w' / 2]^2    (known.sigma)
 
 over scenes, with the errors about the first position of each scene at ages 1 to the length of the window, as often as
-its tracks have them. Without a loss this is their mean square.
+its tracks have them. Without a loss this is their mean square. A motion of the whole image is two of the six numbers of
+a pose or less, and passes a loss as it is. With the variances of (common.parts), divided as A and W, each feature adds
+
+    E[w] (white W / (A + W) + white A / (A + W) / window + walk mean min(j, k)) / 3    (known.common)
+
+to sigma^2, for ages j, k from 1 to the length of the window, of which each is as frequent.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -25,6 +31,8 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.estimators import losses
 from tracknoise.estimators.advice import LEVEL, chi_square, rms_about_first, track_gate, usual_knee
+from tracknoise.estimators.equivalents import white_parts
+from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.kernels import NEWEST, DrawnWindow, normalised, weighted_step
 from tracknoise.estimators.linear_window import without
 from tracknoise.estimators.model import Equivalent, Interval, KnownPoints, LossKind, Tails, TriedGate
@@ -111,6 +119,7 @@ def known_points(
     lengths: Sequence[int],
     speed: int,
     most_px: float,
+    common: CommonErrors | None = None,
     groups: SceneGroups,
     level: float,
 ) -> tuple[KnownPoints, ...]:
@@ -121,7 +130,27 @@ def known_points(
     length = (pl.col("du_px").cast(pl.Float64).pow(2) + pl.col("dv_px").cast(pl.Float64).pow(2)).sqrt()
     errors = tracks.select("dataset", "scene", "stands_for", frames=pl.col("age") / speed, r=length)
     good = errors.filter(pl.col("frames") >= 1, pl.col("r") <= most_px)
-    return tuple(_known_points(good, noise.per_frames(speed), tails, lengths, groups, level))
+    found = tuple(_known_points(good, noise.per_frames(speed), tails, lengths, groups, level))
+    return found if common is None else tuple(_with_common(found, good, noise, speed, common))
+
+
+def _with_common(
+    found: Sequence[KnownPoints], errors: pl.DataFrame, noise: TrackNoise, speed: int, common: CommonErrors
+) -> Iterator[KnownPoints]:
+    """The same with what a feature adds, by (known.common)."""
+    first, white = white_parts(noise)
+    for one in found:
+        loss = _loss(one.kernel, one.knee_px or math.inf)
+        some = errors.filter(pl.col("frames") <= one.window)
+        weight = float(np.average(_weight(loss, some["r"].to_numpy()), weights=some["stands_for"].to_numpy()))
+        ages = np.arange(1.0, one.window + 1.0)
+        by_walk = speed * float(np.minimum.outer(ages, ages).mean())
+        shared = [weight / 3.0 * part for part in (white + first / one.window, by_walk)]
+        yield replace(one, per_feature=common.variances(shared[:1], shared[1:])[0])
+
+
+def _loss(kernel: LossKind | None, knee_px: float) -> losses.Loss:
+    return losses.PLAIN if kernel is None else losses.Loss(losses.LossKind(kernel), knee_px)
 
 
 def _known_points(
@@ -138,7 +167,7 @@ def _known_points(
         if some.height < _LEAST_ERRORS or knee_px <= 0.0:
             continue
         for kernel in (None, *LossKind):
-            loss = losses.PLAIN if kernel is None else losses.Loss(losses.LossKind(kernel), knee_px)
+            loss = _loss(kernel, knee_px)
             rows = [
                 {"dataset": own["dataset"][0], "scene": scene, "n": 1.0, "square": _square(own, loss)}
                 for (scene,), own in some.group_by("scene", maintain_order=True)

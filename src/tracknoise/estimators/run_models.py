@@ -28,6 +28,7 @@ def _advice() -> Rows:
     names: dict[str, tuple[str, Constants]] = {
         "sigma": ("sigma_to_set", {}),
         "state_sigma": ("state_sigma_to_set", {}),
+        "features": ("features_of_sigma", {}),
         "knee": ("knee_to_set", {}),
         "track_gate": ("gate_to_set", {"against": "track"}),
         "observation_gate": ("gate_to_set", {"against": "observation"}),
@@ -59,6 +60,7 @@ ADVICE = RunTable(
     quantities={
         "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment."),
         "state_sigma_to_set": Quantity("px", "The same for features in its state."),
+        "features_of_sigma": Quantity("1", "Features of a frame whose errors in common the noise to set counts."),
         "nees_with_gate": Quantity("1", "NEES of the newest pose with sigma and the gate of tracks, in trials."),
         "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
         "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
@@ -69,9 +71,10 @@ ADVICE = RunTable(
 
 estimator is its name in docs/estimators/exports.md, kernel its robust loss, null if it has none. sigma, state_sigma (of
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
-are factors on chi-square quantiles at .95. gated_nees is the NEES of the newest pose with sigma and the gate of tracks,
-where it was tried. why says why windows are simulated; it is null where they are not. level is
-that of the interval; it is null without one. n_scenes is how many scenes the model was fitted to.
+are factors on chi-square quantiles at .95. features is how many of a frame have their errors in common in sigma; there
+is none where sigma takes them as independent. gated_nees is the NEES of the newest pose with sigma and the gate of
+tracks, where it was tried. why says why windows are simulated; it is null where they are not. level is that of the
+interval; it is null without one. n_scenes is how many scenes the model was fitted to.
 """
 
 _RECORD, _FOLDER = "noise/models.json", "statistics/"
@@ -172,27 +175,31 @@ def _fits(tables: Sequence[TrainingTables]) -> list[NoiseModel | str]:
     return found
 
 
-def advice_table(models: RunModels, name: str, window: int | None, condition: Mapping[str, Any]) -> pl.DataFrame:
+def advice_table(
+    models: RunModels, name: str, *, window: int | None, features: int | None, condition: Mapping[str, Any]
+) -> pl.DataFrame:
     """What to set in an estimator for each tracker with a model: table `ADVICE`.
 
     Parameters
     ----------
     models
         Of a run.
-    name, window
-        Of the estimator (`tracknoise.estimators.exports.estimators`), and the length of its window; None as shipped.
+    name, window, features
+        Of the estimator (`tracknoise.estimators.exports.estimators`), the length of its window, and how many features
+        of a frame it uses; None as shipped.
     condition
         View and speed of the models.
     """
     rows = []
     for tracker, model in models.models.items():
         try:
-            found = estimator(name).advise(model, window=window)
+            found = estimator(name).advise(model, window=window, features=features)
         except SettingsError:  # no error in any direction that the estimator can see
             continue
         innovations = innovations_of(model, found)
         numbers = {"sigma": found.sigma, "innovations": innovations}
         numbers |= {} if found.state is None else {"state_sigma": found.state.sigma}
+        numbers |= {} if found.features is None else {"features": Interval(value=float(found.features))}
         numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.every_gate.items()}
         numbers |= {} if found.gated is None else {"gated_nees": found.gated.nees}
         numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}

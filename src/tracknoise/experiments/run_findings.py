@@ -70,7 +70,8 @@ def compute_findings(
         truth = RunTruth(TruthVerdict.of(inputs[TRUST]), inputs[AUDIT_CURVES])
         models = fitted_models(run, inputs.trackers, inputs.reference.speed, truth, workers=workers, begin=begin)
     view = {name: getattr(inputs.reference, name) for name in (*VIEW, "speed")}
-    inputs.made[ADVICE] = advice_table(models, experiment.estimator.name, experiment.estimator.window, view)
+    asked = experiment.estimator
+    inputs.made[ADVICE] = advice_table(models, asked.name, window=asked.window, features=asked.features, condition=view)
     _write_findings(inputs, manifest, experiment, models)
 
 

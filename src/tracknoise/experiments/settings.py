@@ -353,6 +353,9 @@ class EstimatorSettings(_Section):
     with a robust loss, `mapping`, or `pnp` from known points."""
     window: Annotated[int, Field(ge=2)] | None = None
     """Length of its window, processed frames. Default: as shipped."""
+    features: Annotated[int, Field(ge=1)] | None = None
+    """Features that it uses in a frame: where these have errors in common, sigma grows with them. Default: 200, or with
+    an inertial sensor, features that are independent."""
 
 
 OF_NO_RESULT = ("verify", "check")

@@ -53,7 +53,8 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
             }
             limit = limit_text(advice["sigma"]["kernel"], factors)
             window = advice["sigma"]["window"]
-            yield NoiseToSet(tracker, data.colour[tracker], window, sigma, is_bound, limit, innovations)
+            features = int(advice["features"]["value"]) if "features" in advice else None
+            yield NoiseToSet(tracker, data.colour[tracker], window, features, sigma, is_bound, limit, innovations)
 
 
 def _number(row: Mapping[str, Any]) -> Number:

@@ -170,7 +170,8 @@ def answer_plot(
         return None
     first = max(able, key=lambda setting: (setting.sigma.value or 0.0) / (setting.innovations.value or 1.0))
     chosen = [first, *(setting for setting in able if setting is not first)][:MOST_TRACKERS]
-    windows = f"windows of {counted(first.window, 'frame')}"
+    features = "" if first.features is None else f" with {counted(first.features, 'feature')} per frame"
+    windows = f"windows of {counted(first.window, 'frame')}{features}"
     shown = tuple(_alike_long([curves[setting.tracker] for setting in chosen]))
     return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker, "Its worst" if shown[1:] else "Worst"))
 
@@ -199,7 +200,7 @@ def _curve(setting: NoiseToSet, model: NoiseModel, name: str) -> Curve:
     """For windows that the tracks of the model can fill, and the shortest one where they fill none."""
     longest = model.training.ages[1] + 1
     windows = sorted({equivalent.window for equivalent in model.equivalents if equivalent.landmark is Landmark.FREE})
-    able = [(window, sizes) for window in windows if (sizes := _sizes(model, name, window)) is not None]
+    able = [(window, sizes) for window in windows if (sizes := _sizes(model, name, window, setting)) is not None]
     chosen = [pair for pair in able if pair[0] <= longest] or able[:1]
     return Curve(
         setting.tracker,
@@ -212,10 +213,10 @@ def _curve(setting: NoiseToSet, model: NoiseModel, name: str) -> Curve:
     )
 
 
-def _sizes(model: NoiseModel, name: str, window: int) -> tuple[float, float] | None:
-    """What to set in an estimator with such windows, and what innovations look like; None where this is unknown."""
+def _sizes(model: NoiseModel, name: str, window: int, setting: NoiseToSet) -> tuple[float, float] | None:
+    """What to set with such windows and the features of a setting, and what innovations look like; None if unknown."""
     try:
-        advice = estimator(name).advise(model, window=window)
+        advice = estimator(name).advise(model, window=window, features=setting.features)
         return advice.sigma.value, innovations_of(model, advice).value
     except SettingsError:
         return None

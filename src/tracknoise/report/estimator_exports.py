@@ -21,6 +21,7 @@ _OPTIONS = {
     "observations": "--tracks RUN",
 }
 """Options of the command line for what a model does not know."""
+_AS_SHIPPED = Target()
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +63,13 @@ def exports(
     missing: Mapping[str, str],
     paths: Mapping[str, str],
     first: str,
-    window: int | None = None,
+    target: Target = _AS_SHIPPED,
 ) -> Exports:
     """Exports of all models of a run, for every estimator.
 
-    `first`: the one that is shown at first, with windows of `window` frames; None as shipped.
+    `first`: the one that is shown at first; `target`: its window and features of a frame.
     """
-    windows = {} if window is None else {first: window}
-    content = {tracker: exported(model, paths[tracker], windows) for tracker, model in models.items()}
+    content = {tracker: exported(model, paths[tracker], {first: target}) for tracker, model in models.items()}
     return Exports(
         trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content), first=first
     )
@@ -82,24 +82,25 @@ def _choices() -> Iterator[Choice]:
 
 
 def exported(
-    model: NoiseModel, path: str, windows: Mapping[str, int] = MappingProxyType({})
+    model: NoiseModel, path: str, targets: Mapping[str, Target] = MappingProxyType({})
 ) -> dict[str, dict[str, Any]]:
-    """What is written for each estimator; `windows`: frames in a window, of those whose is not that as shipped.
+    """What is written for each estimator; `targets`: windows and features of those that are not as shipped.
 
     Returns by estimator: where it takes one sigma, `set`, which has texts: sigma, its interval, what belongs to it, and
     what innovations look like; `files`, pairs of names and contents, the patch last; `text`, what they are; or, where
     nothing can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
     written = {
-        name: _to_set(model, name, windows.get(name)) | _export(model, name, path, windows.get(name))
+        name: _to_set(model, name, target) | _export(model, name, path, target)
         for name in estimators()
+        for target in (targets.get(name, _AS_SHIPPED),)
     }
     return written | {name: {"why": about.why} for name, about in refused().items()}
 
 
-def _to_set(model: NoiseModel, name: str, window: int | None) -> dict[str, Any]:
+def _to_set(model: NoiseModel, name: str, target: Target) -> dict[str, Any]:
     try:
-        advice = estimators()[name].advise(model, window=window)
+        advice = estimators()[name].advise(model, window=target.window, features=target.features)
     except SettingsError:
         return {}
     innovations = innovations_of(model, advice)
@@ -110,9 +111,9 @@ def _to_set(model: NoiseModel, name: str, window: int | None) -> dict[str, Any]:
     return {"set": [sigma.text, sigma.interval, limit, number_of(innovations.value, None, None).text]}
 
 
-def _export(model: NoiseModel, name: str, path: str, window: int | None) -> dict[str, Any]:
+def _export(model: NoiseModel, name: str, path: str, target: Target) -> dict[str, Any]:
     try:
-        output = export(model, name, target=Target(window=window), source=path.rpartition("/")[2])
+        output = export(model, name, target=target, source=path.rpartition("/")[2])
     except SettingsError as error:
         unknown = _unknown(model, estimators()[name].needs)
         command = " ".join([f"tracknoise export {path} --to {name}", *(_OPTIONS[need] for need in unknown)])

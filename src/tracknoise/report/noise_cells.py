@@ -2,7 +2,7 @@
 
 import math
 
-from tracknoise.estimators.advice import innovations_of
+from tracknoise.estimators.advice import Advice, innovations_of
 from tracknoise.estimators.exports import estimator, in_words, of_common
 from tracknoise.estimators.model import BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
@@ -22,20 +22,23 @@ _LANDMARKS = {
 _PURPOSES = {Purpose.INNOVATIONS: "innovations", Purpose.ALL_POSES: "all poses", Purpose.NEWEST_POSE: "newest pose"}
 
 
-def model_sentences(model: NoiseModel, name: str) -> list[str]:
-    """What a model says, the answer first: what to set in an estimator (`tracknoise.estimators.exports.estimators`)."""
+def model_sentences(model: NoiseModel, name: str, *, features: int | None = None) -> list[str]:
+    """What a model says, the answer first: what to set in an estimator (`tracknoise.estimators.exports.estimators`).
+
+    `features`: that it uses in a frame; None as shipped.
+    """
     training = model.training
     return [
         f"Noise of {training.tracker} at speed {training.speed:g}.",
         *([] if model.truth.verdict is Trust.trusted else [model.truth.sentence]),
-        *_advice(model, name),
+        *_advice(model, name, features),
         _tails(model),
         f"{_percent(model.outlier_share)} of the observations are outliers, with errors beyond about "
         f"{number(model.outliers_beyond_px)} px; the numbers do not describe them.",
         _model_bias(model),
         *_conditions(model),
         *_track_scale(model),
-        *of_common(model.common_share),
+        *of_common(model, estimator(name), _set_to(model, name, features)),
         *_floor(model),
         f"Fitted to {counted(len(training.scenes), 'scene')}, {counted(training.n_tracks, 'track')}, "
         f"ages {training.ages[0]} to {training.ages[1]} frames.",
@@ -79,13 +82,21 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
     return Cells(caption, headings, rows, (False, False, *[True] * 6))
 
 
-def _advice(model: NoiseModel, name: str) -> list[str]:
+def _set_to(model: NoiseModel, name: str, features: int | None) -> Advice | None:
+    """What to set in an estimator; None where this is unknown, or it takes the components."""
+    try:
+        return estimator(name).advise(model, features=features)
+    except SettingsError:
+        return None
+
+
+def _advice(model: NoiseModel, name: str, features: int | None) -> list[str]:
     """What to set, and what innovations will look like."""
     about = estimator(name)
     if about.purpose is None:
         return [f"{about.title} takes the components, which `tracknoise export` writes."]
     try:
-        advice = about.advise(model)
+        advice = about.advise(model, features=features)
     except SettingsError as error:
         return [f"What to set in {about.title} is unknown: {error}."]
     innovations = innovations_of(model, advice)

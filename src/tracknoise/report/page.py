@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from tracknoise.atomic import replaced_folder
+from tracknoise.estimators.exports import asked
 from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import (
@@ -168,7 +169,11 @@ def _page(
         truth_section=truth_section,
         exports=table_files.EXPORTS,
         noise_exports=estimator_exports.exports(
-            fits.models, missing=fits.missing, paths=fits.paths, first=data.estimator, window=data.window
+            fits.models,
+            missing=fits.missing,
+            paths=fits.paths,
+            first=data.estimator,
+            target=asked(data.settings, data.estimator),
         ),
         specs={name: _embedded(figure_files.themed(spec)) for name, spec in specs.items()},
         most_settings=answer_plot.MOST_TRACKERS,

@@ -118,6 +118,8 @@ class NoiseToSet:
         Its name, and its colour in all figures, as ``#rrggbb``.
     window
         Length of the windows of the estimator, frames.
+    features
+        Features of a frame whose errors in common sigma counts; null where it takes them as independent.
     sigma
         Standard deviation of each coordinate, px.
     is_bound
@@ -131,6 +133,7 @@ class NoiseToSet:
     tracker: str
     colour: str
     window: int
+    features: int | None
     sigma: Number
     is_bound: bool
     limit: str

@@ -82,12 +82,6 @@ class RunData:
         return str(self.settings.get("estimator", {}).get("name", "filter"))
 
     @property
-    def window(self) -> int | None:
-        """Length of the window of this estimator, frames; None as shipped."""
-        window: int | None = self.settings.get("estimator", {}).get("window")
-        return window
-
-    @property
     def margin(self) -> float:
         """Relative effect above which a factor counts."""
         margins = self["effects"]["margin"].drop_nulls()

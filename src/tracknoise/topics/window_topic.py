@@ -42,7 +42,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     if rows.is_empty():
         return None
     first = rows.row(0, named=True)
-    where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}"
+    where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}{_features(rows)}"
     return by_tracker(
         conditions.trackers,
         lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
@@ -52,6 +52,12 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
         figure="estimator",
         table="advice",
     )
+
+
+def _features(rows: pl.DataFrame) -> str:
+    """For how many features of a frame sigmas are that count their errors in common; empty without any."""
+    counts = rows.filter(quantity="features")["value"]
+    return "" if counts.is_empty() else f", {counts[0]:.0f} features per frame"
 
 
 def _right(purpose: str, rows: pl.DataFrame) -> str:

@@ -172,6 +172,13 @@ _FAMILIES: Mapping[str, Family] = {
     **dict.fromkeys((CORE, "second"), Family.sizes),
     **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
 }
+
+
+def family(statistic: str) -> Family:
+    """Family of questions that a statistic, or a role of one, belongs to."""
+    return _FAMILIES.get(ROLES.get(statistic, statistic), Family.others)
+
+
 """Families of roles; those of all others are `others`."""
 
 
@@ -397,7 +404,7 @@ def _unit(role: str) -> Unit:
 def judged(rows: Sequence[Row], level: float) -> pl.DataFrame:
     """The table (`DEPENDENCE`) of rows, with q-values, verdicts, and why one is undecided."""
     cell = ("dataset", "factor", *CONDITION, "pair")
-    of_cell = _numbers([(*map(row.get, cell), _FAMILIES.get(ROLES[row["statistic"]], Family.others)) for row in rows])
+    of_cell = _numbers([(*map(row.get, cell), family(row["statistic"])) for row in rows])
     of_statistic = _numbers([tuple(row[name] for name in ("dataset", "factor", "statistic")) for row in rows])
     p_yes, p_no = ([row.get(name) for row in rows] for name in ("p_yes", "p_no"))
     q_yes = in_families(benjamini_hochberg, in_families(hochberg, p_yes, of_cell), of_statistic)

@@ -172,14 +172,12 @@ _FAMILIES: Mapping[str, Family] = {
     **dict.fromkeys((CORE, "second"), Family.sizes),
     **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
 }
+"""Families of roles; those of all others are `others`."""
 
 
 def family(statistic: str) -> Family:
     """Family of questions that a statistic, or a role of one, belongs to."""
     return _FAMILIES.get(ROLES.get(statistic, statistic), Family.others)
-
-
-"""Families of roles; those of all others are `others`."""
 
 
 _LEFT_OUT = "central"

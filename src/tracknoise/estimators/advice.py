@@ -195,9 +195,8 @@ class Advice:
     # kernel, knee_px: the robust loss, and its knee in px; None where the estimator has none
     kernel: LossKind | None = None
     knee_px: float | None = None
-    features: int | None = (
-        None  # of a frame, whose errors in common sigma counts; None where they are independent in it
-    )
+    # of a frame, whose errors in common sigma counts; None where it takes them as independent
+    features: int | None = None
     simulated: bool = False  # whether its windows are
     windows: int = 0  # on how many windows of the recordings the loss was tried; 0 where it was not
     gates: Mapping[Gate, float]  # what to multiply a chi-square gate at .95 by, with `sigma`

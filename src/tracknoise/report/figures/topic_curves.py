@@ -49,7 +49,5 @@ def _panel(data: ReportData, table: pl.DataFrame, quantity: Quantity) -> Panel:
     return curves(columns, "tracker", "u", x, y, colours, tips, height=190, point=20, clip=False)
 
 
-FIGURES: Sections = {
-    section: (partial(topic_figures, section=section),) for section in {curve.section for curve in CURVES_OF_TOPICS}
-}
+FIGURES: Sections = {curve.section: (partial(topic_figures, section=curve.section),) for curve in CURVES_OF_TOPICS}
 """What this module draws, by the section of the report."""

@@ -7,14 +7,20 @@ and the files are less than half as large.
 import io
 import json
 import re
+import subprocess
+import sys
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import cache
+from importlib.metadata import version
 from typing import Any
 
 import altair as alt
 import pypdfium2 as pdfium
 import vl_convert as vlc
+from platformdirs import user_cache_path
 
+from tracknoise import atomic
 from tracknoise.report import style
 from tracknoise.report.figures.figure import Figure
 from tracknoise.text import printable
@@ -148,14 +154,26 @@ def _renumbered_clips(svg: str) -> str:
     return re.sub(r"\bclip\d+\b", lambda match: names[match.group()], svg)
 
 
+_BUNDLE = """import sys, vl_convert
+text = vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;", vl_version=sys.argv[1])
+sys.stdout.buffer.write(text.replace("</script", "<\\\\/script").encode())
+"""
+
+
 @cache
 def scripts() -> str:
     """Vega, Vega-Lite and Vega-Embed as one self-contained script that can be part of a page.
 
-    It is the same for all reports, and takes as long as drawing several figures.
+    It is the same for all reports, so it is kept in the user's cache folder, by the version of the converter. Bundling
+    takes seconds and 90 MB: a program of its own does it, which gives the memory back.
     """
-    bundle: str = vlc.javascript_bundle("window.vegaEmbed = vegaEmbed;", vl_version=_version())
-    return bundle.replace("</script", "<\\/script")
+    kept = user_cache_path("tracknoise", appauthor=False) / f"vega-{version('vl-convert-python')}-{_version()}.js"
+    with suppress(OSError):
+        return kept.read_text("utf-8")
+    bundled = subprocess.run([sys.executable, "-c", _BUNDLE, _version()], stdout=subprocess.PIPE, check=True).stdout
+    with suppress(OSError):
+        atomic.write_file(kept, bundled)
+    return bundled.decode()
 
 
 def _version() -> str:

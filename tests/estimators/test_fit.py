@@ -14,6 +14,7 @@ import tracknoise as tn
 from tracknoise.cli.terminal import WIDTH
 from tracknoise.estimators.cpp_header import cpp_header
 from tracknoise.estimators.equivalents import LENGTHS
+from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import in_words
 from tracknoise.estimators.model import BiasKind, Landmark, Purpose
 from tracknoise.estimators.training import training_tables
@@ -230,12 +231,23 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
     assert len(cpp_header(model).splitlines()) <= 45
 
 
-def test_windows_that_no_recording_is_long_enough_for_are_said_to_be_simulated(model: tn.NoiseModel) -> None:
+def test_advice_is_for_windows_that_recordings_have_before_simulated_ones(model: tn.NoiseModel) -> None:
     """Recordings of 14 frames."""
     assert {one.window for one in model.equivalents if one.simulated} == {20, 30}
-    said = {window: in_words(model.advise("filter", window=window)) for window in (11, 20)}
-    assert "in windows of 11 frames" in said[11]
-    assert "in simulated windows of 20 frames" in said[20]
+    for window in (11, 20):
+        assert "in windows of 11 frames" in in_words(model.advise("filter", window=window))
+    still = replace(model, equivalents=tuple(one for one in model.equivalents if one.simulated))
+    assert "in simulated windows of 20 frames" in in_words(still.advise("filter", window=11))
+
+
+def test_exports_say_where_tracks_are_shorter_than_windows(model: tn.NoiseModel) -> None:
+    """Tracks of the model live longer than 5 frames."""
+    short = replace(model, training=replace(model.training, median_lifetime=2))
+    assert model.training.median_lifetime is not None
+    assert model.training.median_lifetime > 5
+    sentence = "Half of its tracks live at most 2 frames."
+    assert sentence in export(short, "filter").text
+    assert sentence not in export(model, "filter").text
 
 
 def test_an_estimator_without_one_sigma_is_said_to_take_the_components(model: tn.NoiseModel) -> None:

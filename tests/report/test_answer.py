@@ -465,7 +465,10 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
 
 
 def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: ReportData) -> None:
-    expected = "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px."
+    expected = (
+        "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px. "
+        "This is for windows of 11 frames."
+    )
     assert card(summarise(data), "lucas-kanade").sigma == expected
     none = data.with_tables(advice=data["advice"].clear())
     assert card(summarise(none), "lucas-kanade").sigma == ""
@@ -475,7 +478,7 @@ def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: Repo
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
         "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations look like "
-        f"0.100 px. The truth is not trusted. The tracker alone may have 0.100{SPACE}px."
+        f"0.100 px. This is for windows of 11 frames. The truth is not trusted. The tracker alone may have 0.100{SPACE}px."
     )
 
 

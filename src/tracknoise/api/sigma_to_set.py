@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from tracknoise.estimators.advice import Advice, Gate, innovations_of
-from tracknoise.estimators.exports import Estimator, Target, asked, estimator, estimator_name, right_for
+from tracknoise.estimators.exports import Estimator, Target, asked, estimator, estimator_name, right_for, windows_of
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.run_models import run_models
 from tracknoise.exceptions import SettingsError
@@ -61,7 +61,6 @@ class SigmaToSet:
 
     def _repr_html_(self) -> str:
         bounds = "" if self.low_px is None else f" ({pixels(self.low_px)} to {pixels(self.high_px)})"
-        simulated = "simulated " if self.simulated else ""
         facts = {
             "sigma": f"{px(self.sigma_px)}{bounds}",
             "innovations look like": px(self.innovations_px),
@@ -69,7 +68,7 @@ class SigmaToSet:
             "gate of tracks": self.track_gate and f"times {number(self.track_gate)}",
             "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
             "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
-            "makes right": f"{self.makes_right}, in {simulated}windows of {self.window} frames",
+            "makes right": self.makes_right,
             "features of a frame": "taken as independent" if self.features is None else f"{self.features}",
             "truth": self.caveat,
         }
@@ -126,7 +125,7 @@ def _to_set(model: NoiseModel, tracker: str, about: Estimator, target: Target) -
         window=advice.window,
         simulated=advice.simulated,
         features=advice.features,
-        makes_right=right_for(advice),
+        makes_right=f"{right_for(advice)}, in {windows_of(advice)}",
         innovations_px=innovations.value,
         state_sigma_px=None if advice.state is None else advice.state.sigma.value,
         **_gates(advice),

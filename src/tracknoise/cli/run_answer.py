@@ -14,6 +14,8 @@ from tracknoise.topics.size_topic import size_measure
 from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
 from tracknoise.topics.window_topic import sigma_sentence
 
+_SENTENCES_TO_SET = 2
+"""What to set, and for which windows."""
 _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 
@@ -67,8 +69,8 @@ def sentences_to_set(data: ReportData) -> list[str]:
 
 
 def _of_tracker(data: ReportData, tracker: str) -> str:
-    if sentences := sentences_of(sigma_sentence(data, tracker)):
-        return f"{tracker}: {sentences[0][0].lower()}{sentences[0][1:]}"
+    if text := joined(sentences_of(sigma_sentence(data, tracker))[:_SENTENCES_TO_SET]):
+        return f"{tracker}: {text[0].lower()}{text[1:]}"
     subject = Subject(data, tracker)
     measure = size_measure(subject)
     if measure is None:

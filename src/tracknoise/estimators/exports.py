@@ -33,7 +33,7 @@ from tracknoise.estimators.model import BiasKind, Equivalent, Interval, Landmark
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.inference.track_noise import COMPONENTS, NAMES
 from tracknoise.tables.enumerations import Trust
-from tracknoise.text import significant
+from tracknoise.text import counted, significant
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -469,9 +469,9 @@ def _lines(advice: Advice, *, is_bound: bool) -> Iterator[str]:
     """What to set, what it makes right, and what to set for features in the state where that is something else."""
     most = "at most " if is_bound else ""
     yield _numbers(advice, most)
-    yield f"right for {right_for(advice)}, in {_windows(advice)}"
+    yield f"right for {right_for(advice)}, in {windows_of(advice)}"
     if advice.state is not None:
-        yield f"features in the state: {_numbers(advice.state, most)}, in {_windows(advice.state)}"
+        yield f"features in the state: {_numbers(advice.state, most)}, in {windows_of(advice.state)}"
 
 
 def right_for(advice: Advice) -> str:
@@ -479,11 +479,27 @@ def right_for(advice: Advice) -> str:
     return f"{PURPOSES[advice.purpose]}{' where all pass the gate' if advice.every_gate else ''}"
 
 
-def _windows(advice: Advice) -> str:
-    features = "" if advice.features is None else f" with {advice.features} features per frame"
-    if advice.landmark is Landmark.KNOWN:
-        return f"frames that see points at ages 1 to {advice.window}{features}"
-    return f"{'simulated ' if advice.simulated else ''}windows of {advice.window} frames{features}"
+def windows_of(advice: Advice) -> str:
+    """Write in which windows a sigma is right."""
+    return windows_text(advice.landmark, advice.window, advice.features, simulated=advice.simulated)
+
+
+def windows_text(landmark: str, window: int, features: int | None, *, simulated: bool = False) -> str:
+    """Write the same of an advice in a table."""
+    of_features = "" if features is None else f" with {features} features per frame"
+    if landmark == Landmark.KNOWN:
+        return f"frames that see points at ages 1 to {window}{of_features}"
+    return f"{'simulated ' if simulated else ''}windows of {window} frames{of_features}"
+
+
+def short_tracks(lifetime: int | None, window: int) -> str:
+    """A sentence where half of the tracks live less than half of a window; else empty.
+
+    `lifetime`: their median lifetime, frames of the tracker; None where it is not known.
+    """
+    if lifetime is None or 2 * lifetime >= window:
+        return ""
+    return f"Half of its tracks live at most {counted(lifetime, 'frame')}."
 
 
 def _numbers(advice: Advice, most: str) -> str:
@@ -519,7 +535,7 @@ def text(about: Estimator, first_lines: Iterable[str], sentences: Iterable[str])
 
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.set_to is not None:
-        yield from _of_advice(noise.advice)
+        yield from _of_advice(noise.model, noise.advice)
     if noise.model.truth.verdict is not Trust.trusted:
         yield noise.model.truth.sentence
     yield from of_common(noise.model, noise.about, noise.set_to)
@@ -555,10 +571,12 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
     return "what this does to sigma was not computed"
 
 
-def _of_advice(advice: Advice) -> Iterator[str]:
+def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
     if advice.simulated:
         yield f"Windows are simulated: no recording has {advice.window} frames that move."
+    if lived := short_tracks(model.training.median_lifetime, advice.window):
+        yield lived
     if advice.kernel is not None and advice.windows:
         yield (
             f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "

@@ -375,7 +375,16 @@ def _training(read: TrainingTables) -> Training:
         n_tracks=int(read["noise_outliers"]["n_tracks"].to_numpy().sum()),
         n_observations=int(errors["n"].to_numpy().sum()),
         ages=(int(errors["age"].min()), int(errors["age"].max())),  # type: ignore[arg-type]
+        median_lifetime=_median_lifetime(read["ends"]),
     )
+
+
+def _median_lifetime(ends: pl.DataFrame) -> int | None:
+    """As in `Training`."""
+    last = int(ends["lifetime"].max() or 0)  # type: ignore[arg-type]
+    lengths = lengths_of_tracks(ends, longest=last + 1)
+    median = int(lengths[len(lengths) // 2])
+    return median if median <= last else None
 
 
 def _floor(floors: pl.DataFrame, last_age: int) -> float | None:

@@ -374,6 +374,9 @@ class Training:
         Counts of what was fitted.
     ages
         First and last age that were fitted, frames.
+    median_lifetime
+        Kaplan-Meier median of the lifetime of tracks, frames that the tracker processed; None where more than half are
+        alive at the end of the data, or where it is not known.
     """
 
     dataset: str
@@ -384,6 +387,7 @@ class Training:
     n_tracks: Annotated[int, Ge(0)]
     n_observations: Annotated[int, Ge(0)]
     ages: tuple[int, int]
+    median_lifetime: Annotated[int, Ge(0)] | None = None
 
     def __post_init__(self) -> None:
         """Refuse counts and a speed that no run has."""

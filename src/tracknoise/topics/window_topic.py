@@ -10,7 +10,7 @@ import polars as pl
 from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues, all_rows
 from tracknoise.analysis.paired_tests import Family
 from tracknoise.analysis.run_inputs import RunInputs
-from tracknoise.estimators.exports import PURPOSES, estimator
+from tracknoise.estimators.exports import PURPOSES, estimator, short_tracks, windows_text
 from tracknoise.estimators.model import Purpose
 from tracknoise.estimators.window_noise import WINDOW_SIGMAS, scene_quantities, window_sigmas
 from tracknoise.inference.estimates import Estimate
@@ -42,11 +42,16 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     if rows.is_empty():
         return None
     first = rows.row(0, named=True)
-    where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}{_features(rows)}"
+    summary = conditions.reported(tables["summary"])
+    lifetimes = dict(summary.select("tracker", "median_lifetime").iter_rows())
+    alike = len({_windows(of_tracker) for _, of_tracker in rows.group_by("tracker")}) == 1
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
-        opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
+        lambda tracker: _advised(
+            conditions.of(rows, tracker), tables["trust"], tracker, lifetimes.get(tracker), with_windows=not alike
+        ),
+        opening=f"Noise to set in {estimator(first['estimator']).title}{f', {_windows(rows)}' if alike else ''} "
+        f"{conditions.where(tables['summary'])}.",
         closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
         figure="estimator",
@@ -54,10 +59,11 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     )
 
 
-def _features(rows: pl.DataFrame) -> str:
-    """For how many features of a frame sigmas are that count their errors in common; empty without any."""
-    counts = rows.filter(quantity="features")["value"]
-    return "" if counts.is_empty() else f", {counts[0]:.0f} features per frame"
+def _windows(rows: pl.DataFrame) -> str:
+    """In which windows the sigma of an advice is right."""
+    counts, first = rows.filter(quantity="features")["value"], rows.row(0, named=True)
+    features = None if counts.is_empty() else int(counts[0])
+    return windows_text(first["landmark"], first["window"], features, simulated=first["why"] is not None)
 
 
 def _right(purpose: str, rows: pl.DataFrame) -> str:
@@ -75,7 +81,9 @@ def _between_scenes(rows: pl.DataFrame) -> str:
     return "" if levels.is_empty() else f" Numbers in brackets are {intervals_at(levels[0])}."
 
 
-def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:
+def _advised(
+    rows: pl.DataFrame, trust: pl.DataFrame, tracker: str, lifetime: int | None, *, with_windows: bool
+) -> Part | None:
     if rows.is_empty():
         return None
     advice = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
@@ -84,8 +92,11 @@ def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | No
     caveat = _caveat(sigma.value, trust, tracker)
     most = _most(caveat)
     together = _together(rows["kernel"][0], advice)
-    text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
-    text += f" Innovations will look like {px(innovations.value)}."
+    where = f" in {_windows(rows)}" if with_windows else ""
+    text = joined([f"{tracker}: set {most}{format_estimate(sigma)}{where}.", caveat]) + together
+    text = joined(
+        [text, f"Innovations will look like {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
+    )
     stated = {**advice, "innovations": replace(innovations, low=None, high=None)}
     return Part(text, [stated[name] for name in _SAID if name in stated], f"{tracker}: set {most}{short(sigma)}.")
 
@@ -255,11 +266,13 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
 
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
-    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
+    conditions = reported_conditions(data, data.slowest)
+    rows = conditions.of(data["advice"], tracker)
     advice = {row["quantity"]: row for row in rows.to_dicts()}
     if not advice:
         return ""
     sigma, innovations = advice["sigma"], advice["innovations"]
+    (lifetime,) = conditions.of(data["summary"], tracker)["median_lifetime"][:1].to_list() or [None]
     caveat = _caveat(sigma["value"], data["trust"], tracker)
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
@@ -268,6 +281,8 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
         [
             f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
             f"innovations look like {pixels(innovations['value'])} px.",
+            f"This is for {_windows(rows)}.",
+            short_tracks(lifetime, sigma["window"]),
             caveat,
         ]
     )

@@ -478,7 +478,8 @@ def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: Repo
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
         "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations look like "
-        f"0.100 px. This is for windows of 11 frames. The truth is not trusted. The tracker alone may have 0.100{SPACE}px."
+        "0.100 px. This is for windows of 11 frames. The truth is not trusted. The tracker alone may have "
+        f"0.100{SPACE}px."
     )
 
 

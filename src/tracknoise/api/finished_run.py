@@ -79,16 +79,16 @@ class ResultColumns(ConditionColumns, total=False):
     weighting: Names | None
 
 
-def findings_about(findings: pl.DataFrame, results: pl.DataFrame, tracker: str) -> pl.DataFrame:
-    """Findings that have a part about a tracker, with the text and the numbers of these parts.
+def findings_about(run: RunFolder, findings: pl.DataFrame, tracker: str) -> pl.DataFrame:
+    """Findings of a run that have a part about a tracker, with the text and the numbers of these parts.
 
-    `findings`: schema `FINDINGS`. `results`: schema `RESULTS`.
+    `findings`: schema `FINDINGS`.
     """
     about = [
         (row, [part for part in row["parts"] if part["tracker"] == tracker]) for row in findings.iter_rows(named=True)
     ]
     cited = {name for _, parts in about for part in parts for name in part["rows"]}
-    numbers = {row["id"]: row for row in results.filter(pl.col("id").is_in(cited)).iter_rows(named=True)}
+    numbers = {row["id"]: row for row in run_results(run, cited).iter_rows(named=True)}
     rows = []
     for row, parts in about:
         if not parts:
@@ -328,7 +328,7 @@ class Run:
         trackers = self._conditions["tracker"].unique(maintain_order=True).to_list()
         if tracker not in trackers:
             raise UnknownNameError("tracker", tracker, trackers)
-        return findings_about(findings.sort("rank"), run_results(self._folder), tracker)
+        return findings_about(self._folder, findings.sort("rank"), tracker)
 
     def sigma(
         self, estimator: str, *, window: int | None = None, features: int | None = None

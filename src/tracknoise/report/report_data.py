@@ -1,5 +1,6 @@
 """The data of a report: those of a run, and how the report draws them."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
@@ -10,7 +11,7 @@ from tracknoise.report import paper, style
 from tracknoise.tables.identity import identifiers
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
 from tracknoise.text import absolute_paths, without_folders
-from tracknoise.topics.catalogue import RUN_TABLES, run_results
+from tracknoise.topics.catalogue import RUN_TABLES, results_about
 from tracknoise.topics.run_data import RunData
 
 _FIXED = ("by-lighting",)
@@ -34,10 +35,9 @@ class ReportData(RunData):
         run.document(FINDINGS_JSON)  # the same findings for other programs, which must not be damaged either
         return cls(run, run.manifest(), run.settings(), tables)
 
-    @cached_property
-    def results(self) -> pl.DataFrame:
-        """The table of results, which is made of the tables."""
-        return run_results(self.run)
+    def results(self, ids: Collection[str]) -> pl.DataFrame:
+        """Rows of the table of results, which is made of the tables."""
+        return results_about({table: self[name] for name, table in RUN_TABLES.items() if table.rows}, self.truth, ids)
 
     def shown(self, settings: Any) -> Any:
         """Settings, or a text about data, without the folders of the machine (`tracknoise.text.without_folders`)."""

@@ -93,8 +93,7 @@ def _findings(data: ReportData) -> pl.DataFrame:
 
 def _cited(data: ReportData) -> pl.DataFrame:
     """The rows of results whose numbers the findings have, without columns that are empty in all of them."""
-    ids = data["findings"]["rows"].explode().unique()
-    rows = data.results.filter(pl.col("id").is_in(ids.implode()))
+    rows = data.results(data["findings"]["rows"].explode().drop_nulls().unique().to_list())
     used = [name for name in rows.columns if rows[name].null_count() < rows.height]
     return rows.select(used).with_columns(
         cs.by_name("caveats", require_all=False).cast(pl.List(pl.String)).list.join("; ")

@@ -3,7 +3,7 @@
 Tables are what is stored and read. Results are derived from them, and nothing is turned back.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 import polars as pl
@@ -16,13 +16,15 @@ _SEPARATOR = ": "
 _ROW = "row of the table"
 
 
-def results_of(tables: Mapping[RunTable, pl.DataFrame]) -> pl.DataFrame:
+def results_of(tables: Mapping[RunTable, pl.DataFrame], only: Collection[str] | None = None) -> pl.DataFrame:
     """The table of results that holds the numbers of tables.
 
     Parameters
     ----------
     tables
         Those that have rows; others are left out.
+    only
+        Ids of the rows that are wanted; None for all.
 
     Returns
     -------
@@ -34,7 +36,8 @@ def results_of(tables: Mapping[RunTable, pl.DataFrame]) -> pl.DataFrame:
     parts: list[pl.DataFrame] = []
     for has_shared in (True, False):  # tables that have rows in common, and all others at once
         mine = (each for each in with_rows if bool(each[0].topics & shared) is has_shared)
-        parts.append(finished(part for each in mine for _, part in _parts_of(*each)))
+        every = (part for each in mine for _, part in _parts_of(*each))
+        parts.append(finished(every if only is None else (part.filter(ids([part]).is_in([*only])) for part in every)))
     return pl.concat(parts)
 
 

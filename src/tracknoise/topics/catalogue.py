@@ -1,6 +1,6 @@
 """All topics, the most important first, and all tables of a run."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import polars as pl
@@ -97,8 +97,8 @@ _NAMES: dict[Any, pl.Enum] = {
 }
 
 
-def run_results(run: RunFolder) -> pl.DataFrame:
-    """The table of results of a run: every number of its tables.
+def run_results(run: RunFolder, only: Collection[str] | None = None) -> pl.DataFrame:
+    """The table of results of a run: every number of its tables, or those with some ids.
 
     Returns: schema `RESULTS`, but for `quantity` and `topic`, which have all their names.
 
@@ -107,8 +107,15 @@ def run_results(run: RunFolder) -> pl.DataFrame:
     StoreError, SchemaError
         If the run is not finished, or a file is missing or damaged.
     """
-    results = results_of({table: run.statistics(table) for table, _ in _ROWS}).cast(_NAMES)
-    if TruthVerdict.of_run(run).is_usable:
+    return results_about({table: run.statistics(table) for table, _ in _ROWS}, TruthVerdict.of_run(run), only)
+
+
+def results_about(
+    tables: Mapping[RunTable, pl.DataFrame], truth: TruthVerdict, only: Collection[str] | None = None
+) -> pl.DataFrame:
+    """The same of tables that were read."""
+    results = results_of(tables, only).cast(_NAMES)
+    if truth.is_usable:
         return results
     return beside_untrusted_truth(results, [rows.topic for table, rows in _ROWS if table.without_truth])
 

@@ -138,7 +138,7 @@ _PATCH = offsets(15)
 _TEXTURE = 3.0
 _BLUR_PX = 1.0
 _AROUND_PX = 25
-_KEPT_IMAGES = 64
+_KEPT_IMAGES = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -307,13 +307,22 @@ def agreements(tracked: Tracked, image: Image) -> list[Agreement]:
     patches, pairs = _Patches(image), list(_pairs(tracked))
     if len(pairs) < _FEWEST_PAIRS:
         return []
-    as_given = [_of_pair(AS_GIVEN, tracked, pair, patches) for pair in pairs]
-    tried = [_shuffled(pairs, as_given, patches)]
-    for reading in readings(tracked):
-        first = [_of_pair(reading, tracked, pair, patches) for pair in pairs[::_EVERY]]
-        if not _compared(reading, first, as_given[::_EVERY]).ratio > _HOPELESS:
-            under = [_of_pair(reading, tracked, pair, patches) for pair in pairs]
-            tried.append(_compared(reading, under, as_given))
+    under: dict[int, dict[Reading, _Values | None]] = {}
+
+    def compare(places: Iterable[int], some: Iterable[Reading]) -> list[Agreement]:
+        """Readings in some more pairs, with all pairs so far: a pair at a time, so that few images are kept."""
+        beside = [AS_GIVEN, *some]
+        for place in places:
+            under[place] = {reading: _of_pair(reading, tracked, pairs[place], patches) for reading in beside}
+        of_pairs = [under[place] for place in sorted(under)]
+        given = [values[AS_GIVEN] for values in of_pairs]
+        return [_compared(reading, [values[reading] for values in of_pairs], given) for reading in beside[1:]]
+
+    first = range(0, len(pairs), _EVERY)
+    likely = [one.reading for one in compare(first, readings(tracked)) if not one.ratio > _HOPELESS]
+    tried = compare([place for place in range(len(pairs)) if place not in first], likely)
+    as_given = [under[place][AS_GIVEN] for place in range(len(pairs))]
+    tried.insert(0, _shuffled(pairs, as_given, patches))
     stray = [_compared(STRAY, [_of_truth(pair, patches) for pair in pairs], as_given)] if _are_far(pairs) else []
     return [*sorted(tried, key=lambda agreement: -agreement.score), *stray]
 

@@ -495,6 +495,37 @@ def test_ceres_takes_observations_with_what_is_exported():
     assert problem.num_residual_blocks() == len(points) > 50
 
 
+def test_pypose_finds_a_pose_beside_outliers_with_what_is_exported():
+    torch, pose = pytest.importorskip("torch"), pytest.importorskip("pypose")
+    names: dict = {}
+    exec(made("pypose").files["pypose_noise.py"], names)
+    rng = np.random.default_rng(0)
+    points = torch.tensor(rng.uniform((-2.0, -1.5, 3.0), (2.0, 1.5, 8.0), (80, 3)), dtype=torch.float32)
+    true = pose.se3(torch.tensor([[0.1, -0.05, 0.2, 0.02, -0.03, 0.01]])).Exp()
+
+    def projected(camera):
+        seen = camera.Act(points)
+        return 300.0 * seen[..., :2] / seen[..., 2:]
+
+    uv = projected(true) + torch.tensor(rng.normal(0.0, 0.15, (80, 2)), dtype=torch.float32)
+    uv[:8] += 30.0
+
+    class Reprojection(torch.nn.Module):
+        def __init__(self):
+            super().__init__()
+            self.pose = pose.Parameter(pose.identity_SE3(1))
+
+        def forward(self):
+            return projected(self.pose) - uv
+
+    model = Reprojection()
+    optimiser = names["optimiser"](model)
+    for _ in range(15):
+        optimiser.step(input=())
+    assert float((model.pose.Inv() @ true).Log().tensor().detach().norm()) < 0.01
+    assert names["track_information"]([4.0, 3.0, 2.5]).shape == (6, 6)
+
+
 def _reconstruction(colmap):
     options = colmap.SyntheticDatasetOptions()
     options.num_frames_per_rig, options.num_points3D = 6, 200

@@ -1,6 +1,5 @@
 """Where the real samples lie (`TRACKNOISE_DATA`, or ``../shared/data``), and folders that many tests begin with."""
 
-import ctypes
 import fcntl
 import gc
 import os
@@ -72,9 +71,7 @@ def freed_memory() -> Iterator[None]:
             world.__dict__.pop(name, None)
     gc.collect()
     gc.freeze()
-    trim = getattr(ctypes.CDLL(None), "malloc_trim", None)  # of the C library of Linux
-    if trim is not None:
-        trim(0)
+    processes.release_memory()
 
 
 _SIGNALS = {number: signal.getsignal(number) for number in processes.ENDING}

@@ -8,11 +8,10 @@ import pytest
 
 PROGRAM = """
 import resource, sys
+from contextlib import nullcontext
 import numpy as np
-from tracknoise.experiments.machine import keep_freed_memory
-
-if sys.argv[1] == "kept":
-    keep_freed_memory()
+from tracknoise.experiments.machine import keeping_freed_memory, used_bytes
+import os
 
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
@@ -21,17 +20,26 @@ def work():
     for _ in range(50):
         large = [np.ones(2**17) for _ in range(4)]
 
-work()
-before = faults()
-work()
-print(faults() - before)
+with keeping_freed_memory() if sys.argv[1] == "kept" else nullcontext():
+    work()
+    before = faults()
+    work()
+    new_pages = faults() - before
+    many = [bytes(1000) for _ in range(100_000)]
+    last = bytes(1000)  # above them on the heap
+    many.clear()
+    within = used_bytes(os.getpid())
+print(new_pages, within - used_bytes(os.getpid()))
 """
 
 
 @pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other allocators decide for themselves")
-def test_freed_memory_is_used_again() -> None:
-    def new_pages(memory: str) -> int:
+def test_freed_memory_is_used_again_and_given_back_at_the_end() -> None:
+    def measured(memory: str) -> tuple[int, int]:
         command = [sys.executable, "-c", PROGRAM, memory]
-        return int(subprocess.run(command, check=True, capture_output=True, text=True).stdout)
+        new_pages, given_back = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+        return int(new_pages), int(given_back)
 
-    assert new_pages("kept") < 500 < new_pages("returned") / 10
+    (kept, given_back), (returned, _) = measured("kept"), measured("returned")
+    assert kept < 500 < returned / 10
+    assert given_back > 2**25

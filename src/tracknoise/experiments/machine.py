@@ -20,6 +20,8 @@ import numpy as np
 import psutil
 from threadpoolctl import threadpool_info, threadpool_limits
 
+from tracknoise.processes import release_memory
+
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
@@ -90,6 +92,14 @@ _BLOCK = 31 * 2**20
 """Bytes; blocks from 32 MiB on have no such effect."""
 
 
-def keep_freed_memory() -> None:
-    """Let the allocator of this process keep up to 62 MiB of freed memory. Other allocators than glibc's ignore it."""
+@contextmanager
+def keeping_freed_memory() -> Iterator[None]:
+    """Let the allocator keep up to 62 MiB of freed memory, within a block or a decorated function, and none after it.
+
+    Other allocators than glibc's ignore it.
+    """
     np.empty(_BLOCK, dtype=np.uint8)
+    try:
+        yield
+    finally:
+        release_memory()

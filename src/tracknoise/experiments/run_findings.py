@@ -11,7 +11,7 @@ from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.run_models import ADVICE, RunModels, advice_table, fitted_models
 from tracknoise.estimators.training import RunTruth
 from tracknoise.experiments.local_workers import beside
-from tracknoise.experiments.machine import keep_freed_memory, one_blas_thread
+from tracknoise.experiments.machine import keeping_freed_memory, one_blas_thread
 from tracknoise.experiments.run_statistics import reference_condition
 from tracknoise.experiments.run_truth import run_audit, trust_table
 from tracknoise.experiments.settings import FROM_FILES, Experiment
@@ -34,6 +34,7 @@ _MANY_FRAMES = 150
 """From so many on, it takes longer to audit their truth than to start a process."""
 
 
+@keeping_freed_memory()
 @one_blas_thread()
 def compute_findings(
     run: RunFolder, experiment: Experiment, statistics: Mapping[str, pl.DataFrame], *, workers: int = 1
@@ -56,7 +57,6 @@ def compute_findings(
     StoreError, SchemaError
         If a table is damaged, or the folder cannot be written.
     """
-    keep_freed_memory()
     manifest = run.manifest()
     inputs = _inputs(run, manifest, experiment, statistics)
     frames = sum(entry.n_frames for entry in manifest.sequences.values())

@@ -16,7 +16,7 @@ from tracknoise.experiments.failures import Batch, InParts, Result, diagnose
 from tracknoise.experiments.geometry_tables import camera_tables, geometry_tables
 from tracknoise.experiments.inputs import digest_of, input_tables, recording
 from tracknoise.experiments.local_workers import notify
-from tracknoise.experiments.machine import keep_freed_memory, kernels, one_blas_thread, use_one_opencv_thread
+from tracknoise.experiments.machine import keeping_freed_memory, kernels, one_blas_thread, use_one_opencv_thread
 from tracknoise.experiments.measure import Measurement, measure_together, poses_of_two, tap_metrics
 from tracknoise.experiments.measured_poses import with_measured_poses
 from tracknoise.experiments.parts import (
@@ -53,6 +53,7 @@ from tracknoise.truth_faults.assessment import MOST, refutes
 from tracknoise.words import DEPTH_FROM_IMAGES, SELF_REFERENTIAL
 
 
+@keeping_freed_memory()
 @one_blas_thread()
 def attempt(
     batch: list[Task],
@@ -74,7 +75,6 @@ def attempt(
     """
     task = batch[0]
     try:
-        keep_freed_memory()
         if not task.parts:
             return _measure_batch(batch, run, claim=claim, progress=progress)
         if task.part is None:

@@ -9,7 +9,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.tables.quantities import QUANTITIES, Quantity
-from tracknoise.tables.results import finished, ids
+from tracknoise.tables.results import finished, ids, quantity_of
 from tracknoise.tables.run_table import Rows, RunTable, Value
 
 _SEPARATOR = ": "
@@ -36,9 +36,17 @@ def results_of(tables: Mapping[RunTable, pl.DataFrame], only: Collection[str] | 
     parts: list[pl.DataFrame] = []
     for has_shared in (True, False):  # tables that have rows in common, and all others at once
         mine = (each for each in with_rows if bool(each[0].topics & shared) is has_shared)
-        every = (part for each in mine for _, part in _parts_of(*each))
-        parts.append(finished(every if only is None else (part.filter(ids([part]).is_in([*only])) for part in every)))
+        every = (pair for each in mine for pair in _parts_of(*each))
+        parts.append(finished(part for _, part in (every if only is None else _some(every, only))))
     return pl.concat(parts)
+
+
+def _some(parts: Iterator[tuple[Value, pl.DataFrame]], only: Collection[str]) -> Iterator[tuple[Value, pl.DataFrame]]:
+    """Rows with these ids, of the quantities that they name."""
+    quantities = {quantity_of(name) for name in only}
+    for value, part in parts:
+        if value.quantity in quantities:
+            yield value, part.filter(ids([part]).is_in([*only]))
 
 
 def with_ids(table: RunTable, found: pl.DataFrame) -> pl.DataFrame:

@@ -131,6 +131,11 @@ def ids(rows: Iterable[pl.DataFrame]) -> pl.Series:
     return _ids(pl.concat([pl.DataFrame(schema=IDENTITY), *(_typed(part, IDENTITY) for part in rows)], how="diagonal"))
 
 
+def quantity_of(name: str) -> str:
+    """The quantity of a row of results, by its id."""
+    return name.rpartition("-")[0]
+
+
 def _typed(rows: pl.DataFrame, kinds: Schema) -> pl.DataFrame:
     """Those columns of rows that have a kind, of their kinds."""
     return pl.DataFrame([column.cast(kinds[column.name]) for column in rows.iter_columns() if column.name in kinds])

@@ -1,22 +1,36 @@
 """Peak memory of one process: against the length of a scene, of which only recorded observations may remain; of poses
-that are refined by reference tracks, against the length of a recording in one piece; and of a scene of the light stage,
-whose lightings are measured together.
+that are refined by reference tracks, against the length of a recording in one piece; of a run of imported tracks, with
+its report, against the length of a recording; and of a scene of the light stage, whose lightings are measured together.
 
 Each is measured by a process of its own, which says how large it was at its peak.
 """
 
+import io
 import json
 import sys
 import tempfile
+from contextlib import redirect_stdout, suppress
 from pathlib import Path
 
-from benchmarks.harness import Row, elapsed_ms, in_new_process, peak_mib, program
+from benchmarks.harness import Row, elapsed_ms, in_new_process, peak_mib, program, write_scene
 from tracknoise.tables.findings_schema import COUNTS
 
 LENGTHS = (100, 1000)
 REFINED_LENGTHS = (120, 480, 1920)
 BORN, LONGEST = 26, 48
 """Reference tracks that begin in a frame, and frames of one at most: 76,000 observations in 120 frames."""
+IMPORTED_LENGTHS = (300, 900)
+IMPORTED = """
+name = "memory"
+[dataset]
+reader = "folder"
+root = "data"
+[[trackers]]
+name = "program"
+kind = "imported"
+[trackers.options]
+path = "tracks.csv"
+"""
 STAGE_SMALL, STAGE_FULL = (240, 180), (1600, 1200)
 STAGE = """
 name = "memory"
@@ -48,7 +62,7 @@ def rows() -> list[Row]:
 
 def full_rows() -> list[Row]:
     """The same with a stage of the images that DTU Point Features have."""
-    return [*_by_length(), *_refined(), *_stage(STAGE_FULL)]
+    return [*_by_length(), *_refined(), *_imported(), *_stage(STAGE_FULL)]
 
 
 def _by_length() -> list[Row]:
@@ -74,6 +88,33 @@ def _refined() -> list[Row]:
     short, long = (measured[length] for length in REFINED_LENGTHS[1:])
     each = (long["peak"] - short["peak"]) * 2**20 / (long["observations"] - short["observations"])
     return [*table, Row("memory: growth of refined poses", each, "bytes an observation")]
+
+
+def _imported() -> list[Row]:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_scene(folder / "data", frames=max(IMPORTED_LENGTHS), width=640, height=480)
+        (folder / "x.toml").write_text(IMPORTED)
+        _write_tracks(folder)
+        peaks = {n: in_new_process("benchmarks.memory", "imported", folder, n)["peak"] for n in IMPORTED_LENGTHS}
+    return [Row(f"memory: peak of a run of imported tracks, {n} frames", peak, "MiB") for n, peak in peaks.items()]
+
+
+def _write_tracks(folder: Path) -> None:
+    """Tracks of a short program that uses OpenCV, as a table."""
+    from benchmarks.validity.refined_truth import Program
+    from tracknoise.sequences.reader_registry import open_sequence
+    from tracknoise.trackers.tracker import Frame, SequenceContext
+
+    sequence, lines = open_sequence("folder", folder / "data"), ["track,frame,u_px,v_px"]
+    camera = sequence.camera
+    program = Program().start(
+        SequenceContext(sequence.id, (camera.width, camera.height), len(sequence), speed=1, seed=0, truth=None)
+    )
+    for index in range(len(sequence)):
+        step = program.step(Frame(index, sequence.image(index)))
+        lines += [f"{track},{index},{u:.4f},{v:.4f}" for track, (u, v) in zip(step.ids, step.uv, strict=True)]
+    (folder / "tracks.csv").write_text("\n".join(lines))
 
 
 def _stage(size: tuple[int, int]) -> list[Row]:
@@ -155,6 +196,16 @@ def _measure_refined(length: int) -> dict[str, float]:
     return {"peak": peak_mib(), "observations": len(tracks.frame), "seconds": seconds}
 
 
+def _measure_imported(folder: Path, length: int) -> dict[str, float]:
+    from tracknoise.cli.app import main
+
+    out = folder / f"run-{length}"
+    with redirect_stdout(io.StringIO()), suppress(SystemExit):
+        main(["run", str(folder / "x.toml"), "--workers", "1", "--frames", str(length), "--out", str(out), "--quiet"])
+    assert (out / "report" / "index.html").exists(), "the run ended early"
+    return {"peak": peak_mib()}
+
+
 def _measure_stage(folder: Path) -> dict[str, float]:
     from tracknoise.experiments.execute import execute
     from tracknoise.experiments.load import load_experiment
@@ -168,7 +219,12 @@ def _measure_stage(folder: Path) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    kind, argument = sys.argv[1:]
+    kind, argument, *more = sys.argv[1:]
     measures = {"sweep": _measure_sweep, "refined": _measure_refined}
-    measured = measures[kind](int(argument)) if kind in measures else _measure_stage(Path(argument))
+    if kind in measures:
+        measured = measures[kind](int(argument))
+    elif more:
+        measured = _measure_imported(Path(argument), int(more[0]))
+    else:
+        measured = _measure_stage(Path(argument))
     json.dump(measured, sys.stdout)

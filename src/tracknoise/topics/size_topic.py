@@ -7,7 +7,6 @@ import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
 from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues
-from tracknoise.analysis.paired_tests import Family
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -277,14 +276,12 @@ SIZE = Topic(
             f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
             RoleValues("core"),
             called="core of the errors",
-            family=Family.sizes,
             of_errors=True,
         ),
         Estimand(
             "second_moment",
             f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
             RoleValues("second"),
-            family=Family.sizes,
             of_errors=True,
         ),
     ),

@@ -8,7 +8,6 @@ import polars as pl
 
 from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues, TableValues
 from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
-from tracknoise.analysis.paired_tests import Family
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
@@ -174,7 +173,6 @@ OUTLIERS_OF_TRACKERS = Topic(
             "outlier_ratio",
             f"Features rejected as outliers, divided by features offered: {OVER_SCENES}.",
             RoleValues("outlier_ratio", axes=(None,)),
-            family=Family.ends,
         ),
     ),
 )
@@ -192,7 +190,6 @@ LIFETIMES_OF_TRACKS = Topic(
             f"Restricted mean lifetime to a horizon that all scenes reach in both runs: {OVER_SCENES}.",
             RoleValues("lifetime", axes=(None,)),
             larger_is_better=True,
-            family=Family.ends,
         ),
         Estimand(
             "feature_count",

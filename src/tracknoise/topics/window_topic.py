@@ -1,13 +1,13 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues, all_rows
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues
 from tracknoise.analysis.paired_tests import Family
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator
@@ -338,16 +338,14 @@ _LEAST_OF_SCENE = 10
 """Fewest windows that a quantity of a scene rests on."""
 
 
-def _of_windows(
-    quantity: str, paired: Callable[[pl.DataFrame, pl.DataFrame], Sequence[pl.DataFrame]] = all_rows
-) -> TableValues:
+def _of_windows(quantity: str) -> TableValues:
     """One of the quantities of windows of every scene."""
 
     def numbers(windows: pl.DataFrame) -> pl.DataFrame:
         enough = pl.col("n") >= _LEAST_OF_SCENE
         return scene_quantities(windows).filter(enough, quantity=quantity).rename({"window": "at"})
 
-    return TableValues("window_noise", numbers, {"trimming": Trimming.untrimmed}, "window", paired)
+    return TableValues("window_noise", numbers, {"trimming": Trimming.untrimmed}, "window")
 
 
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> Sequence[pl.DataFrame]:
@@ -375,9 +373,8 @@ DEPTH_NOISE = Topic(
             "consistent_sigma",
             "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
             f"enough scenes of both runs have: {OVER_SCENES}.",
-            _of_windows("consistent_sigma", _at_the_reported_window),
+            replace(_of_windows("consistent_sigma"), paired=_at_the_reported_window, family=Family.sizes),
             called="sigma for depths",
-            family=Family.sizes,
         ),
         Estimand(
             "residual_sigma",

@@ -25,10 +25,11 @@ from tracknoise.topics.headline import (
     curve_scenes,
 )
 from tracknoise.topics.measures import Subject, answer, card_number, first, trimmed_word, with_interval
+from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, each_axis, joined
-from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
+from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
 from tracknoise.topics.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
-from tracknoise.words import chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
+from tracknoise.words import DASH, chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -160,8 +161,7 @@ def _means(
 
 def bias_measure(subject: Subject) -> Measure | None:
     """Length of the mean error at the reference age, and whether it is zero there, u and v together."""
-    rows = subject.of("zero_mean").filter(trimming=subject.conditions.trimming, axis=subject.conditions.axis)
-    overall, row = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
+    overall, row = _test(subject, None), _test(subject, subject.at)
     if overall is None or row is None or subject.at is None or subject.row is None or row["effect_px"] is None:
         return None
     shown = card_number(_length(row))
@@ -178,6 +178,30 @@ def bias_measure(subject: Subject) -> Measure | None:
     sentence = _bias_sentence(subject, row, verdict, shown, covered=covered, wider=wider)
     answered = answer("biased", verdict, wished=Verdict.no)
     return Measure("bias", "px", shown, 0.0, answered, "; ".join(notes), sentence, "error-by-tracker")
+
+
+def _test(subject: Subject, at: int | None) -> dict[str, Any] | None:
+    """The test of the mean error at an age or frame, or of all together."""
+    conditions = subject.conditions
+    return subject.first("zero_mean", pl.col("at").eq_missing(at), trimming=conditions.trimming, axis=conditions.axis)
+
+
+_ZERO = {Verdict.yes: "no", Verdict.no: "yes", Verdict.undecided: "undecided"}
+"""Whether the mean error is zero, by the verdict on whether it differs from zero."""
+
+
+def zero_columns(data: RunData) -> list[Column]:
+    """The verdict at the reference age alone."""
+    note = f"Whether the mean is zero: at this {data.axis.name} alone, u and v together."
+    return [Column("is zero?", _zero_cell, "mean", note)]
+
+
+def _zero_cell(subject: Subject) -> str:
+    row = None if subject.at is None else _test(subject, subject.at)
+    if row is None:
+        return DASH
+    p = row["sign_flip_p"]
+    return _ZERO[verdict_at(row)] + ("" if p is None else f" ({chance(p)})")
 
 
 def _is_covered(subject: Subject, row: Mapping[str, Any]) -> bool:
@@ -233,6 +257,7 @@ BIAS = Topic(
     (Analysis((ZERO_MEAN,), _zero_means, needs=(CURVES,), if_fitted=NO_ROWS),),
     headline=bias,
     measure=bias_measure,
+    columns=zero_columns,
     rows_of_card=("bias",),
     compared=(
         Estimand(

@@ -1,6 +1,7 @@
 """How large errors are: the core, the root mean square, how many lie far out, and those of tracks that live long."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -26,18 +27,21 @@ from tracknoise.topics.headline import (
 )
 from tracknoise.topics.measures import (
     POOLED_WORDS,
+    SIZES,
     Subject,
     card_number,
+    estimate_cell,
     first,
     short,
     shown_size,
     trimmed_word,
     with_interval,
 )
+from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import each_axis, joined
-from tracknoise.topics.topic import ABOUT_TRACKS, Topic
+from tracknoise.topics.topic import ABOUT_TRACKS, Column, Topic
 from tracknoise.topics.truth_topic import at_most, fitted_measure
-from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
+from tracknoise.words import DASH, RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent, rms_of_tracks
 
 _SECTION = "error-by-tracker"
 
@@ -264,9 +268,28 @@ def size_measure(subject: Subject) -> Measure | None:
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 
+def size_columns(data: RunData) -> list[Column]:
+    """Sizes at the reference age."""
+    titles = {"core": "core", "rms": rms_of_tracks(data.trimming)}
+    note = "Core: of a typical scene."
+    return [
+        Column(axis, partial(_size_cell, name=name, axis=axis), f"{titles[name]} (px)", note)
+        for name in SIZES
+        for axis in "uv"
+    ]
+
+
+def _size_cell(subject: Subject, name: str, axis: str) -> str:
+    """Withheld where points are fitted to the tracks."""
+    if subject.row is None or subject.data.truth_is_fitted:
+        return DASH
+    return estimate_cell(size_estimate(subject.row, subject.intervals, subject.conditions, name, axis))
+
+
 SIZE = Topic(
     "noise",
     headline=size,
+    columns=size_columns,
     measure=size_measure,
     in_cards=ABOUT_TRACKS,
     rows_of_card=("error", "noise"),

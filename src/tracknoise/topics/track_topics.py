@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -20,8 +21,8 @@ from tracknoise.topics.headline import (
     scalar_estimate,
     scalar_scenes,
 )
-from tracknoise.topics.measures import Subject, card_number, first, with_interval
-from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Topic
+from tracknoise.topics.measures import Subject, card_number, estimate_cell, first, with_interval
+from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Column, Topic
 from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
@@ -161,11 +162,16 @@ def lifetime_measure(subject: Subject) -> Measure | None:
     return Measure("lifetime", "frames", shown, None, longest, note, sentence, "lifetimes")
 
 
+def _number_cell(subject: Subject, statistic: str, unit: str) -> str:
+    return estimate_cell(scalar_estimate(subject.row or {}, subject.intervals, statistic, unit))
+
+
 OUTLIERS_OF_TRACKERS = Topic(
     "outliers",
     headline=outliers,
     holds=ABOUT_TRACKS,
     measure=outliers_measure,
+    columns=lambda _: [Column("outliers", partial(_number_cell, statistic="outlier_ratio", unit="share"))],
     in_cards=tuple(Basis),
     rows_of_card=("outliers",),
     compared=(
@@ -182,6 +188,13 @@ LIFETIMES_OF_TRACKS = Topic(
     headline=lifetimes,
     holds=ABOUT_TRACKS,
     measure=lifetime_measure,
+    columns=lambda _: [
+        Column(
+            "median lifetime",
+            partial(_number_cell, statistic="median_lifetime", unit="frames"),
+            note="Median lifetimes are Kaplan-Meier estimates in whole frames.",
+        )
+    ],
     in_cards=tuple(Basis),
     rows_of_card=("lifetime",),
     compared=(

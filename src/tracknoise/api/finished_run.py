@@ -13,10 +13,11 @@ import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
-from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, SUMMARY
+from tracknoise.tables.findings_schema import FINDINGS, INTERVALS, OUTLIERS, SUMMARY
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.text import counted
 from tracknoise.topics.catalogue import RUN_TABLES, run_results
 
@@ -375,7 +376,7 @@ class Run:
         """
         from tracknoise.truth_faults.audit_summary import audit_sentences
 
-        return audit_sentences(self._folder.statistics(AUDIT))
+        return audit_sentences(AuditTables.of_run(self._folder).audit)
 
     def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
         """Return the intervals of all numbers that have one.

@@ -110,7 +110,7 @@ def _cards(data: ReportData) -> tuple[Card, ...]:
 
 
 def _card(data: ReportData, tracker: str) -> Card:
-    subject, basis = Subject(data, tracker), basis_of(data["trust"], is_fitted=data.truth_is_fitted)
+    subject, basis = Subject(data, tracker), basis_of(data.truth, is_fitted=data.truth_is_fitted)
     candidates = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
     measures = tuple(_limited(subject, measure) for measure in candidates if measure is not None)
     return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))

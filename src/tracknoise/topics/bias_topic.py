@@ -208,8 +208,8 @@ def _is_covered(subject: Subject, row: Mapping[str, Any]) -> bool:
     """Whether errors of the truth can cause the mean error at the reference age."""
     conditions, tracker, at = subject.conditions, subject.tracker, row["at"]
     covers = bias_covers(subject.row or {}, row)
-    curves = {"audit_curves": subject.data["audit_curves"]}
-    return (withheld_bias(tracker, "", covers) or audited_bias(curves, conditions, tracker, at)) is not None
+    tables = subject.data.tables
+    return (withheld_bias(tracker, "", covers) or audited_bias(tables, conditions, tracker, at)) is not None
 
 
 def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> str:

@@ -167,9 +167,7 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
     verdict = _grows(row)
     if verdict != Verdict.yes or at is None:
         return verdict
-    names = ("curves", "floor", "audit_curves", "summary")
-    tables = {name: data[name] for name in names}
-    where = tables, conditions, row["tracker"], row["coordinate"], at
+    where = data.tables, conditions, row["tracker"], row["coordinate"], at
     cover = growth_cover(*where)
     is_covered = (cover is not None and cover.is_covered) or audited_rise(*where) is not None
     return Verdict.undecided if is_covered else Verdict.yes

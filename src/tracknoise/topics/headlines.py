@@ -8,15 +8,15 @@ import polars as pl
 
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import check
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
 from tracknoise.topics.catalogue import RUN_TABLES, TOPICS
 from tracknoise.topics.headline import ReportedConditions, RunTables
 from tracknoise.topics.topic import Basis
 
 
-def basis_of(trust: pl.DataFrame, *, is_fitted: bool) -> Basis:
+def basis_of(truth: TruthVerdict, *, is_fitted: bool) -> Basis:
     """What the errors of a run are about. `is_fitted`: whether positions are fitted to the tracks."""
-    return Basis.none if TruthVerdict.of(trust).are_tracks_wrong else Basis.fitted if is_fitted else Basis.truth
+    return Basis.none if truth.are_tracks_wrong else Basis.fitted if is_fitted else Basis.truth
 
 
 def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.DataFrame:
@@ -35,7 +35,7 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
         Schema `FINDINGS`. value, low and high are those of the first number in the text that has an interval.
         `figure` names a section of the report; `table` the table that holds the numbers.
     """
-    basis = basis_of(tables["trust"], is_fitted=conditions.fitted)
+    basis = basis_of(AssessedTruth.of(tables).verdict, is_fitted=conditions.fitted)
     makes = [topic.headline for topic in TOPICS if topic.headline is not None and basis in topic.holds]
     headlines = [headline for make in makes if (headline := make(tables, conditions))]
     rows = [headline.row(rank) for rank, headline in enumerate(headlines, start=1)]

@@ -17,7 +17,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trimming, Trust
-from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.tables.trust import AssessedTruth
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.measures import reported_conditions, short
 from tracknoise.topics.run_data import RunData
@@ -45,7 +45,7 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}{_features(rows)}"
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _advised(conditions.of(rows, tracker), tables["trust"], tracker),
+        lambda tracker: _advised(conditions.of(rows, tracker), tables, tracker),
         opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
         closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
@@ -75,13 +75,13 @@ def _between_scenes(rows: pl.DataFrame) -> str:
     return "" if levels.is_empty() else f" Numbers in brackets are {intervals_at(levels[0])}."
 
 
-def _advised(rows: pl.DataFrame, trust: pl.DataFrame, tracker: str) -> Part | None:
+def _advised(rows: pl.DataFrame, tables: RunTables, tracker: str) -> Part | None:
     if rows.is_empty():
         return None
     advice = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
              for row in rows.to_dicts()}  # fmt: skip
     sigma, innovations = advice["sigma"], advice["innovations"]
-    caveat = _caveat(sigma.value, trust, tracker)
+    caveat = _caveat(sigma.value, tables, tracker)
     most = _most(caveat)
     together = _together(rows["kernel"][0], advice)
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}.", caveat]) + together
@@ -119,7 +119,7 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     of_length = "" if length is None else f" Windows have {length} frames."
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
+        lambda tracker: _noise_of(windows, length, tables, conditions, tracker),
         opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
         closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
         topic="depth noise",
@@ -153,7 +153,7 @@ def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int |
 
 
 def _noise_of(
-    windows: pl.DataFrame, length: int | None, trust: pl.DataFrame, conditions: ReportedConditions, tracker: str
+    windows: pl.DataFrame, length: int | None, tables: RunTables, conditions: ReportedConditions, tracker: str
 ) -> Part | None:
     rows = conditions.of(windows, tracker)
     if length is None or rows.is_empty():
@@ -163,7 +163,7 @@ def _noise_of(
         text = f"{tracker}: {_too_few(length)}."
         return Part(text, [], text)
     if "consistent_sigma" in quantities:
-        return _with_depth(quantities, tracker, trust)
+        return _with_depth(quantities, tracker, tables)
     return _without_depth(quantities, tracker, conditions)
 
 
@@ -195,11 +195,11 @@ def _by_quantity(rows: pl.DataFrame) -> dict[str, dict[str, Any]]:
     return by_quantity
 
 
-def _with_depth(quantities: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
+def _with_depth(quantities: Quantities, tracker: str, tables: RunTables) -> Part:
     consistent, residual, factor = (
         quantities[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
-    caveat = _caveat(consistent.value, trust, tracker)
+    caveat = _caveat(consistent.value, tables, tracker)
     residuals = f"The residual core is {px(residual.value)}. {_certainty(factor)}."
     most = _most(caveat)
     text = joined([f"{tracker}: depths are right with {most}{format_estimate(consistent)}.", caveat, residuals])
@@ -207,15 +207,16 @@ def _with_depth(quantities: Quantities, tracker: str, trust: pl.DataFrame) -> Pa
     return Part(text, [consistent, residual, factor], brief)
 
 
-def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
+def _caveat(sigma_px: float | None, tables: RunTables, tracker: str) -> str:
     """Where the truth is not trusted, or this is unknown, how small the noise of the tracker alone may be; else empty.
 
     One or two sentences. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
     """
-    truth, share = TruthVerdict.of(trust), explained_share(trust, tracker)
-    if truth.is_usable or sigma_px is None:
+    truth = AssessedTruth.of(tables)
+    verdict, share = truth.verdict, truth.explained_share(tracker)
+    if verdict.is_usable or sigma_px is None:
         return ""
-    opening = _UNTRUSTED if truth.verdict is Trust.not_trusted else _UNKNOWN
+    opening = _UNTRUSTED if verdict.verdict is Trust.not_trusted else _UNKNOWN
     if share is None or share >= 1.0:
         return opening
     return f"{opening} The tracker alone may have {px(sigma_px * sqrt(1.0 - share))}."
@@ -260,7 +261,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     if not advice:
         return ""
     sigma, innovations = advice["sigma"], advice["innovations"]
-    caveat = _caveat(sigma["value"], data["trust"], tracker)
+    caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
     more = f" and a knee of {number(advice['knee']['value'])} sigma" if "knee" in advice else more
@@ -278,7 +279,7 @@ def depth_noise_sentence(data: RunData, tracker: str) -> str:
     sigma = _at_window(data, tracker).get("consistent_sigma")
     if sigma is None:
         return ""
-    most = _most(_caveat(sigma["value"], data["trust"], tracker))
+    most = _most(_caveat(sigma["value"], data.tables, tracker))
     window = f"in windows of {sigma['window']} frames"
     return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
 
@@ -290,7 +291,7 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
         return ""
     sigma = quantities["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
-    caveat = _caveat(sigma["value"], data["trust"], tracker)
+    caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
     opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
     return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(quantities)])

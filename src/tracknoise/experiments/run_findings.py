@@ -19,7 +19,7 @@ from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import dropped_above
-from tracknoise.tables.findings_schema import FINDINGS, TRIMS
+from tracknoise.tables.findings_schema import TRIMS
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.run_table import RunTable
@@ -29,7 +29,7 @@ from tracknoise.tables.trust import AssessedTruth
 from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.topics.catalogue import ANALYSES, FINDINGS_TABLES, by_table
 from tracknoise.topics.headline import ReportedConditions
-from tracknoise.topics.headlines import basis_of, findings_json, headline_table
+from tracknoise.topics.headlines import basis_of, findings_json, with_findings
 from tracknoise.topics.topic import make_tables
 
 _MANY_FRAMES = 150
@@ -118,9 +118,9 @@ def _write_findings(inputs: RunInputs, manifest: Manifest, experiment: Experimen
     for analysis in ANALYSES:
         for table in analysis.tables:
             tables[table] = tables[table].filter(analysis.remaining(basis))
-    named = {table.name: rows for table, rows in tables.items()}
     cited = {table.name: _cited(table, rows, inputs) for table, rows in tables.items() if table.rows is not None}
-    named[FINDINGS.name] = tables[FINDINGS] = headline_table({**named, **cited}, reported)
+    tables = with_findings(tables, cited, reported)
+    named = {table.name: rows for table, rows in tables.items()}
     inputs.run.write_statistics(tables, documents={FINDINGS_JSON: findings_json(named), **models.documents})
 
 

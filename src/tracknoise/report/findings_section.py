@@ -9,6 +9,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.topics.catalogue import TOPICS
+from tracknoise.topics.headlines import findings_of
 from tracknoise.topics.measures import Subject, estimate_cell
 from tracknoise.topics.sentences import joined
 from tracknoise.words import DASH, SELF_REFERENTIAL, format_estimate, number
@@ -25,7 +26,7 @@ NOTHING = "Findings were not computed for this run. `tracknoise run` computes th
 
 def sentences(data: ReportData) -> list[dict[str, Any]]:
     """Rows of the findings by rank. `file` is the name of the table file that holds their numbers."""
-    return [{**row, "file": row["table"].replace("_", "-")} for row in data["findings"].sort("rank").to_dicts()]
+    return [{**row, "file": row["table"].replace("_", "-")} for row in findings_of(data.tables).to_dicts()]
 
 
 def verdicts(data: ReportData) -> Cells:

@@ -12,6 +12,7 @@ from tracknoise.statistics.truth_errors import with_floor
 from tracknoise.tables.run_table import RunTable
 from tracknoise.text import printable
 from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.headlines import findings_of
 from tracknoise.words import DASH, MINUS, TIMES
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -88,12 +89,12 @@ EXPORTS: tuple[Export, ...] = (*_MADE, *(_as_it_is(table) for table in RUN_TABLE
 
 def _findings(data: ReportData) -> pl.DataFrame:
     """The findings without their parts."""
-    return data["findings"].drop("opening", "closing", "parts").with_columns(pl.col("rows").list.join(" "))
+    return findings_of(data.tables).drop("opening", "closing", "parts").with_columns(pl.col("rows").list.join(" "))
 
 
 def _cited(data: ReportData) -> pl.DataFrame:
     """The rows of results whose numbers the findings have, without columns that are empty in all of them."""
-    ids = data["findings"]["rows"].explode().unique()
+    ids = findings_of(data.tables)["rows"].explode().unique()
     rows = data.results.filter(pl.col("id").is_in(ids.implode()))
     used = [name for name in rows.columns if rows[name].null_count() < rows.height]
     return rows.select(used).with_columns(

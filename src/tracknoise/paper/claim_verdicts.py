@@ -30,7 +30,6 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Reading, Shape, Verdict, Weighting
-from tracknoise.topics.bands import of_scalar
 from tracknoise.words import DASH, STATISTICS, effect_text, format_estimate, listing, number, percent, size_text
 
 
@@ -169,7 +168,7 @@ def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: 
     if choices == 1 or mean.low is None:
         return mean
     condition = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
-    rows = data["intervals"].filter(
+    rows = data.intervals.filter(
         aspect=Aspect.all,
         weighting=Weighting.features,
         statistic=NAMES[data.axis.name]["mean"],
@@ -354,7 +353,7 @@ def judge_outlier_level(claim: Claim, runs: Mapping[str, ReportData]) -> Judgeme
     """By the pooled ratio at every speed, and its interval. Ratios do not depend on trimming."""
     data, stated = runs[claim.experiment], claim.stated
     table = data.reference(data["outliers"]).filter(tracker=tracker_named(data, stated["tracker"])).sort("speed")
-    rows = of_scalar(table, data["intervals"], "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
+    rows = data.with_bounds_of(table, "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
     if not rows:
         return Judgement(Agreement.open, reason="no outlier ratio is known")
     low, high = stated["low"] - _ROUNDING, stated["high"] + _ROUNDING

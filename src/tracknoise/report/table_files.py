@@ -69,7 +69,7 @@ _MADE: tuple[Export, ...] = (
     ),
     Export("findings", "findings, with the ids of their rows of results", lambda data: _findings(data)),
     Export("results", "rows of results that the findings rest on", lambda data: _cited(data)),
-    Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data["intervals"])),
+    Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
     Export(
         "incidence",
         "causes of track ends, for the view shown in the figures",

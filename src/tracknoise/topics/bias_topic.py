@@ -72,7 +72,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     length = [] if row["effect_low_px"] is None else [_length(row)]
     sentences = _at_one_age(mean, conditions, row, length, means)
     sentences += [_wider_claim(conditions, row, overall)]
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     sentences += [curve_scenes(intervals, conditions, "mean", row["at"], "u", weighting=Weighting.scenes, of="In u")]
     if row["share_of_second"] is not None:
         share = percent(row["share_of_second"])
@@ -147,7 +147,7 @@ def _means(
 ) -> list[Estimate]:
     """Mean errors in u and in v: with the bounds of the test, or where there is none those of these scenes."""
     means = []
-    intervals, scenes = conditions.of(tables["intervals"], tracker), Weighting.scenes
+    intervals, scenes = conditions.intervals(tables, tracker), Weighting.scenes
     for coordinate in "uv":
         name = f"mean_{coordinate}"
         value = row[f"{name}_px"]

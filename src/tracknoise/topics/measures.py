@@ -62,7 +62,7 @@ class Subject:
     @cached_property
     def intervals(self) -> pl.DataFrame:
         """Intervals of the condition."""
-        return self.of("intervals")
+        return self.conditions.intervals(self.data.tables, self.tracker)
 
     @property
     def limits(self) -> str:

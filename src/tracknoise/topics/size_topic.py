@@ -68,7 +68,7 @@ _OVER_SCENES = f" Core and {RMS_OF_SCENE} are geometric means over scenes."
 
 def _is_one_scene(tables: RunTables, conditions: ReportedConditions) -> bool:
     """Whether errors are of one scene: its RMS is that of all tracks, and no typical one, which n features raise."""
-    scenes = conditions.reported(tables["intervals"]).filter(weighting=Weighting.geometric)["n_scenes"]
+    scenes = conditions.intervals(tables).filter(weighting=Weighting.geometric)["n_scenes"]
     return scenes.drop_nulls().unique().to_list() == [1]
 
 
@@ -76,7 +76,7 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     row = first(conditions.of(tables["summary"], tracker))
     if row is None or row["at"] is None:
         return None
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     cores, pooled = (
         {axis: size_estimate(row, intervals, conditions, name, axis) for axis in "uv"} for name in ("core", "rms")
     )
@@ -155,7 +155,7 @@ def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     row = first(conditions.of(tables["summary"], tracker))
     if row is None or row["at"] is None:
         return None
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     trimmed, untrimmed = (
         [size_estimate(row, intervals, conditions, "rms", axis, trimming) for axis in "uv"]
         for trimming in conditions.trimmings
@@ -181,7 +181,6 @@ def _of_trackers(
         closing=closing.strip(),
         topic="noise",
         figure=_SECTION,
-        table="intervals",
     )
 
 
@@ -206,8 +205,7 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     axis = conditions.axis
     chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
     reference = tables["summary"].select_seq(*POOLED, pl.col("at").cast(pl.Int64))
-    intervals = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
-    return in_brackets(conditions.reported(intervals))
+    return in_brackets(conditions.intervals(tables).filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi"))
 
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -219,12 +217,11 @@ def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline 
         opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {errors}.",
         topic="survivorship",
         figure="survivorship-bias",
-        table="intervals",
     )
 
 
 def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.intervals(tables, tracker)
     if row is None or row["at"] is None:
         return None
     since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]

@@ -52,7 +52,6 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
         closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
         topic="outliers",
         figure="outlier-ratio",
-        table="intervals",
     )
 
 
@@ -61,7 +60,7 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     if _value(summary, "outlier_ratio") is None:
         text = f"The outliers of {tracker} are not recorded."
         return None if _reports_causes(summary) else Part(text, [], text)
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     estimate = scalar_estimate(summary.row(0, named=True), intervals, "outlier_ratio", "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
@@ -96,12 +95,11 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
         closing=_FAILURE if has_causes and horizon is not None else "",
         topic="lifetimes",
         figure="lifetimes",
-        table="intervals",
     )
 
 
 def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.intervals(tables, tracker)
     if row is None or not row["n_tracks"]:
         return None
     estimates = {name: scalar_estimate(row, intervals, name, "frames") for name in _LIFETIMES if row[name] is not None}

@@ -45,12 +45,12 @@ def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
     if len(ages) < 2:
         return []
     at = min(ages, key=abs)
-    sentences = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
+    sentences = [_ranking(tables, conditions, at, axis) for axis in "uv"]
     return [sentence for sentence in sentences if sentence]
 
 
-def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
-    values = {trimming: _rms(intervals, conditions, at, axis, trimming) for trimming in _BOTH}
+def _ranking(tables: RunTables, conditions: ReportedConditions, at: int, axis: str) -> str:
+    values = {trimming: _rms(tables, conditions, at, axis, trimming) for trimming in _BOTH}
     if len(values[_BOTH[0]]) < 2 or len({frozenset(rms) for rms in values.values()}) > 1:
         return ""
     best = {trimming: min(rms, key=lambda tracker: rms[tracker]) for trimming, rms in values.items()}
@@ -65,13 +65,12 @@ def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, a
     return joined([claim, *sizes])
 
 
-def _rms(
-    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str, trimming: str
-) -> Mapping[str, float]:
+def _rms(tables: RunTables, conditions: ReportedConditions, at: int, axis: str, trimming: str) -> Mapping[str, float]:
     """Root mean square errors of the trackers that have one, px, features pooled."""
     rows = {
-        tracker: first(curve_rows(conditions.of(intervals, tracker), conditions, "second", at, axis, trimming=trimming))
+        tracker: first(curve_rows(intervals, conditions, "second", at, axis, trimming=trimming))
         for tracker in conditions.trackers
+        for intervals in [conditions.intervals(tables, tracker)]
     }
     return {
         tracker: math.sqrt(row["value"])

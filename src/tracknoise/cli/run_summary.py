@@ -18,6 +18,7 @@ from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import counted
+from tracknoise.topics.bias_topic import mean_errors
 from tracknoise.topics.headline import MOST_TRACKERS
 from tracknoise.topics.headlines import findings_of
 from tracknoise.topics.sentences import by_statement, together
@@ -206,13 +207,8 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
 
 def _with_means(data: ReportData) -> pl.DataFrame:
     """The summary with the mean errors of the finding on bias, in which scenes weigh equally, px."""
-    key = [*POOLED, "at"]
-    means = (
-        data["zero_mean"]
-        .filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name)
-        .select(*key, *(pl.col(f"mean_{axis}_px").alias(f"{data.trimming}_mean_{axis}_px") for axis in "uv"))
-    )
-    return data["summary"].join(means, on=key, how="left", nulls_equal=True, maintain_order="left")
+    means = mean_errors(data).rename({f"mean_{axis}_px": f"{data.trimming}_mean_{axis}_px" for axis in "uv"})
+    return data["summary"].join(means, on=[*POOLED, "at"], how="left", nulls_equal=True, maintain_order="left")
 
 
 def _with_noise(data: ReportData) -> pl.DataFrame:

@@ -11,6 +11,7 @@ from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.scene_values import SIGNED
 from tracknoise.analysis.zero_mean import ZERO_MEAN, verdict_at, zero_mean
 from tracknoise.inference.estimates import Estimate
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.topics.answer_summary import Measure, Number
@@ -54,13 +55,12 @@ def _closing(rows: pl.DataFrame) -> str:
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(tables["zero_mean"], tracker).filter(trimming=conditions.trimmings[0], axis=conditions.axis)
-    overall, summary = first(rows.filter(pl.col("at").is_null())), first(conditions.of(tables["summary"], tracker))
+    overall, summary = _test(tables, conditions, tracker, None), first(conditions.of(tables["summary"], tracker))
     if overall is None:
         return None
     verdict = Estimate.verdict(overall, "effect_px")
     mean = f"the mean {trimmed_word(conditions)}error of {tracker}"
-    row = None if summary is None or summary["at"] is None else first(rows.filter(at=summary["at"]))
+    row = None if summary is None or summary["at"] is None else _test(tables, conditions, tracker, summary["at"])
     if row is None or summary is None:
         return Part(_at_all_ages(mean, overall), [verdict])
     covers = bias_covers(summary, row)
@@ -83,6 +83,34 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     return Part(joined(sentences), [*length, *means, *untrimmed, verdict])
 
 
+def _test(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, at: int | None, trimming: Trimming | None = None
+) -> dict[str, Any] | None:
+    """The test at an age or frame, or of all together; by default of the errors that verdicts are about."""
+    rows = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").eq_missing(at), axis=conditions.axis)
+    return first(rows.filter(trimming=trimming or conditions.trimming))
+
+
+def verdict_on_bias(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, at: int | None, trimming: Trimming
+) -> Verdict | None:
+    """Whether the mean error is not zero at an age or frame alone, or at all together; None without a test."""
+    row = _test(tables, conditions, tracker, at, trimming)
+    return None if row is None else Verdict(row["verdict"]) if at is None else verdict_at(row)
+
+
+def has_bias(data: RunData, tracker: str) -> bool:
+    """Whether the mean error is shown not to be zero at any age or frame."""
+    tests = data.nominal(data["zero_mean"]).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
+    return Verdict.yes in tests["verdict"]
+
+
+def mean_errors(data: RunData) -> pl.DataFrame:
+    """Mean errors by age or frame, in which scenes weigh equally: columns `POOLED`, at, mean_u_px and mean_v_px."""
+    tests = data["zero_mean"].filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name)
+    return tests.select(*POOLED, "at", "mean_u_px", "mean_v_px")
+
+
 def _in_each(means: Sequence[Estimate], opening: str = "In u the mean is") -> list[str]:
     """A sentence for each coordinate; none where a mean is unknown."""
     return each_axis([format_estimate(mean) for mean in means], opening) if len(means) == 2 else []
@@ -92,8 +120,7 @@ def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker:
     """Mean errors of all tracks, where the verdict is about those that trimming kept."""
     if conditions.percentile is None or conditions.trimming == Trimming.untrimmed:
         return []
-    rows = conditions.of(tables["zero_mean"], tracker)
-    row = first(rows.filter(trimming=Trimming.untrimmed, axis=conditions.axis, at=at))
+    row = _test(tables, conditions, tracker, at, Trimming.untrimmed)
     return [] if row is None else _means(tables, conditions, tracker, row, Trimming.untrimmed)
 
 
@@ -161,7 +188,7 @@ def _means(
 
 def bias_measure(subject: Subject) -> Measure | None:
     """Length of the mean error at the reference age, and whether it is zero there, u and v together."""
-    overall, row = _test(subject, None), _test(subject, subject.at)
+    overall, row = (_test(subject.data.tables, subject.conditions, subject.tracker, at) for at in (None, subject.at))
     if overall is None or row is None or subject.at is None or subject.row is None or row["effect_px"] is None:
         return None
     shown = card_number(_length(row))
@@ -180,12 +207,6 @@ def bias_measure(subject: Subject) -> Measure | None:
     return Measure("bias", "px", shown, 0.0, answered, "; ".join(notes), sentence, "error-by-tracker")
 
 
-def _test(subject: Subject, at: int | None) -> dict[str, Any] | None:
-    """The test of the mean error at an age or frame, or of all together."""
-    conditions = subject.conditions
-    return subject.first("zero_mean", pl.col("at").eq_missing(at), trimming=conditions.trimming, axis=conditions.axis)
-
-
 _ZERO = {Verdict.yes: "no", Verdict.no: "yes", Verdict.undecided: "undecided"}
 """Whether the mean error is zero, by the verdict on whether it differs from zero."""
 
@@ -197,8 +218,8 @@ def zero_columns(data: RunData) -> list[Column]:
 
 
 def _zero_cell(subject: Subject) -> str:
-    row = None if subject.at is None else _test(subject, subject.at)
-    if row is None:
+    row = _test(subject.data.tables, subject.conditions, subject.tracker, subject.at)
+    if subject.at is None or row is None:
         return DASH
     p = row["sign_flip_p"]
     return _ZERO[verdict_at(row)] + ("" if p is None else f" ({chance(p)})")

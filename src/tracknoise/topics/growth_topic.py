@@ -92,6 +92,14 @@ def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str, 
     return Part(" ".join(sentences), estimates) if sentences else None
 
 
+def behaviour_of(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, trimming: Trimming
+) -> str | None:
+    """How the error of a coordinate grows, in a word; None where no model was fitted."""
+    row = first(conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate, trimming=trimming))
+    return None if row is None else str(row["verdict"])
+
+
 def _grown(row: Mapping[str, Any], ages: str) -> tuple[str, list[Estimate]]:
     """Sentences about one coordinate: whether the error grows, and how. `ages`: a sentence about them, or empty."""
     ratio_found, parts = growth_ratio(row), _parts(row)

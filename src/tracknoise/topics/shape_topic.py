@@ -59,6 +59,18 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     return Part(" ".join(sentences), estimates)
 
 
+def why_no_shape(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
+    """Reasons why the shape in bands of ages is not known, each once."""
+    rows = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
+    return rows["why"].drop_nulls().unique(maintain_order=True).to_list()
+
+
+def shapes_of(data: RunData, tracker: str) -> list[Shape]:
+    """Shapes in all bands of ages at the lowest speed."""
+    rows = data.nominal(data["gaussianity"]).filter(tracker=tracker, trimming=data.trimming)
+    return [Shape(shape) for shape in rows["verdict"]]
+
+
 def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
     """A gain in nats per error; empty where it is unknown."""
     if row[f"gain_{name}_nats"] is None:

@@ -39,6 +39,7 @@ from tracknoise.topics.measures import (
 )
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import each_axis, joined
+from tracknoise.topics.shape_topic import why_no_shape
 from tracknoise.topics.topic import ABOUT_TRACKS, Column, Topic
 from tracknoise.topics.truth_topic import at_most, fitted_measure
 from tracknoise.words import DASH, RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent, rms_of_tracks
@@ -135,8 +136,7 @@ def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
 
 def _grid(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
     """A remark where errors lie on a grid, as those of whole or half pixels do."""
-    shapes = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
-    reasons = shapes["why"].drop_nulls().unique(maintain_order=True).to_list()
+    reasons = why_no_shape(tables, conditions, tracker)
     grids = [reason.partition(":")[0] for reason in reasons if reason.startswith(ON_GRID)]
     return [f"Its {grid}, so that its core takes few values; its RMS says more." for grid in grids[:1]]
 

@@ -251,13 +251,18 @@ def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedCon
     return Part(text, [residual], brief)
 
 
+def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
+    """What to set in the estimator of the experiment, rows of `ADVICE` by quantity; none where it is unknown."""
+    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
+    return {row["quantity"]: row for row in rows.to_dicts()}
+
+
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
-    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
-    advice = {row["quantity"]: row for row in rows.to_dicts()}
+    advice = advised(data, tracker)
     if not advice:
         return ""
     sigma, innovations = advice["sigma"], advice["innovations"]

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -18,10 +17,11 @@ from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.summarise import statistics_of
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
-from tracknoise.topics.catalogue import TOPICS, by_table
+from tracknoise.tables.truth_audit import AuditTables
+from tracknoise.topics.catalogue import ANALYSES, by_table
 from tracknoise.topics.depth_topic import DEPTHS
 from tracknoise.topics.topic import Topic
-from tracknoise.topics.truth_topic import ERRORS_OF_POSES
+from tracknoise.topics.truth_topic import ERRORS_OF_POSES, TRUTH_ANALYSES
 from tracknoise.truth_faults.audit_tables import tables_of
 
 
@@ -85,9 +85,8 @@ def with_models() -> Iterator[None]:
 def without_audit() -> Iterator[None]:
     """Findings are made as if the truth could not be audited, which takes half the time of the findings of a scene."""
 
-    def audited(run: RunFolder, *_: object) -> dict[str, pl.DataFrame]:
-        found = tables_of("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
-        return {"audit": found.audit, "audit_curves": found.audit_curves}
+    def audited(run: RunFolder, *_: object) -> AuditTables:
+        return tables_of("it is not asked for", next(iter(run.manifest().sequences.values())).sequence.dataset)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run_findings, "run_audit", audited)
@@ -98,9 +97,7 @@ def without_audit() -> Iterator[None]:
 def without_depths() -> Iterator[None]:
     """Findings are made as if no tracker had tracks for the intervals of depths, which take a third of their time."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(
-            run_findings, "TOPICS", [replace(topic, analyses=()) if topic is DEPTHS else topic for topic in TOPICS]
-        )
+        patch.setattr(run_findings, "ANALYSES", [analysis for analysis in ANALYSES if analysis not in DEPTHS.analyses])
         yield
 
 
@@ -108,7 +105,8 @@ def without_depths() -> Iterator[None]:
 def only_topics(*topics: Topic) -> Iterator[None]:
     """Findings have the tables of these topics alone, and those that the verdict on the truth needs."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run_findings, "TOPICS", (ERRORS_OF_POSES, *topics))
+        of_topics = [analysis for topic in (ERRORS_OF_POSES, *topics) for analysis in topic.analyses]
+        patch.setattr(run_findings, "ANALYSES", (*of_topics, *TRUTH_ANALYSES))
         yield
 
 

@@ -39,15 +39,15 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.prepared import PreparedSequence, prepare_sequence
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import empty
-from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.tables.trust import AssessedTruth
+from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES, AuditTables
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_selection import available
 from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, read_samples, tables_of
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.explained import DEPTHS, EVERY_FAULT, explained
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.truth_faults.pose_accuracy import pose_share
@@ -270,7 +270,8 @@ def verdict(scenes: Sequence[Scene], stated: Sequence[Stated], *, whole: bool) -
     table = assess(evidence, "made")
     causes = table.filter(pl.col("tracker") == TRACKER).drop_nulls("share")
     shares = {row["cause"]: [round(row[name], 4) for name in ("share", "low", "high")] for row in causes.to_dicts()}
-    return {"verdict": str(TruthVerdict.of(table).verdict), "bound": explained_share(table, TRACKER), **shares}
+    truth = AssessedTruth(table)
+    return {"verdict": str(truth.verdict.verdict), "bound": truth.explained_share(TRACKER), **shares}
 
 
 KEYS = ("seed", "tracks", "scenes", "kind", "share")

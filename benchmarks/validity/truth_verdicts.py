@@ -53,13 +53,14 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.truth_errors import truth_floor
 from tracknoise.tables.enumerations import Trust, TruthCause
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
+from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_summary import usual_mistakes
-from tracknoise.truth_faults.audit_tables import AuditedTables, AuditTables, read_samples, tables_of
+from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.fault_parameters import FAULTS as PARAMETERS
 from tracknoise.truth_faults.fault_parameters import Family
 from tracknoise.truth_faults.pose_accuracy import pose_share
@@ -365,7 +366,7 @@ def verdict_of(found: AuditTables, shares: pl.DataFrame, sizes: Mapping[str, Err
         )
     return Raw(
         {name: TruthVerdict.of(table) for name, table in tables.items()},
-        explained_share(tables["unstated"], TRACKERS[0]),
+        AssessedTruth(tables["unstated"]).explained_share(TRACKERS[0]),
         {str(row["parameter"]): tuple(row[name] for name in bounds) for row in named.iter_rows(named=True)},
         {
             (row["tracker"], str(row["fitted_to"])): (row["share"], row["low"], row["high"])

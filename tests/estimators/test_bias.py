@@ -5,8 +5,8 @@ import pytest
 from tracknoise.estimators.fit import fit_bias
 from tracknoise.estimators.model import BiasKind
 from tracknoise.inference.units import NO_GROUPS, SceneGroups
-from tracknoise.tables.findings_schema import AUDIT_CURVES
 from tracknoise.tables.schema import FLOORS, NOISE_SUMS
+from tracknoise.tables.truth_audit import AUDIT_CURVES
 
 AGES, N = 10, 500
 VIEW = {"lighting": "", "rotation": 0, "direction": "forward", "camera": "", "tracker": "t", "speed": 1}

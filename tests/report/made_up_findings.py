@@ -18,8 +18,10 @@ from tracknoise.estimators.run_models import ADVICE
 from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, INTERVALS, TRUST
+from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.schema import CAUSES, Schema, empty
+from tracknoise.tables.trust import TRUST
+from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES
 from tracknoise.truth_faults.pose_accuracy import POSE_LAW, POSE_SHARE, RIGID_SHARE
 
 BANDS = ((1, 4), (5, 9), (10, 19))

@@ -6,7 +6,8 @@ from tests.topics.short import too_long
 
 from tracknoise.analysis.covariance_verdicts import OWN_COVARIANCES
 from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import SUMMARY, TRUST
+from tracknoise.tables.findings_schema import SUMMARY
+from tracknoise.tables.trust import TRUST
 from tracknoise.topics.covariance_topic import covariances
 from tracknoise.topics.headline import ReportedConditions
 

@@ -16,8 +16,10 @@ from tracknoise.analysis.zero_mean import ZERO_MEAN
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import AUDIT_CURVES, CURVES, FINDINGS, FLOOR, INTERVALS, SUMMARY, TRUST
+from tracknoise.tables.findings_schema import CURVES, FINDINGS, FLOOR, INTERVALS, SUMMARY
 from tracknoise.tables.schema import Schema, check, empty
+from tracknoise.tables.trust import TRUST
+from tracknoise.tables.truth_audit import AUDIT_CURVES
 from tracknoise.topics.catalogue import RUN_TABLES
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.headlines import findings_json, headline_table

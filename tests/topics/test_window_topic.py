@@ -10,8 +10,9 @@ from tracknoise.estimators.run_models import ADVICE
 from tracknoise.estimators.window_noise import WINDOW_SIGMAS
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.findings_schema import SUMMARY, TRUST
+from tracknoise.tables.findings_schema import SUMMARY
 from tracknoise.tables.schema import empty
+from tracknoise.tables.trust import TRUST
 from tracknoise.topics.headline import Headline, ReportedConditions
 from tracknoise.topics.window_topic import depth_noise, estimator_noise
 

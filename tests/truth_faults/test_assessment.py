@@ -10,8 +10,8 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.inference.robust_fits import scales
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES
-from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
+from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
 from tracknoise.truth_faults.audit_selection import available
 from tracknoise.truth_faults.audit_tables import tables_of
@@ -58,6 +58,7 @@ def verdict(**given: Any) -> TruthVerdict:
 
 def table(**given: Any) -> pl.DataFrame:
     usual = {"audit": audit(), "pose_shares": poses(lk=(SMALL, None)), "sizes": {"lk": ErrorSize(10, 0.5)}}
+    usual |= {"curves": pl.DataFrame(schema=dict(AUDIT_CURVES))}
     return assess(TruthEvidence(**{**usual, **given}), "d")
 
 
@@ -330,7 +331,8 @@ def test_what_one_tracker_bounds_in_px_bounds_others_by_how_far_faults_move_them
     )
     assert TruthVerdict.of(found).verdict == expected
     if times is not None:
-        assert explained_share(found, "sift") == pytest.approx(times * explained_share(found, "lk"))
+        truth = AssessedTruth(found)
+        assert truth.explained_share("sift") == pytest.approx(times * truth.explained_share("lk"))
 
 
 def test_faults_move_near_points_farther() -> None:
@@ -354,10 +356,10 @@ def test_each_tracker_is_bounded_by_what_explains_its_own_errors() -> None:
     of_sift = audit().with_columns(component=pl.lit("sift"))
     found = table(audit=pl.concat([of_lk, of_sift]), sizes=sizes, **both)
     assert TruthVerdict.of(found).verdict == Trust.limited
-    assert explained_share(found, "lk") == pytest.approx(0.32 + 0.01 * np.sqrt(102.0))
-    assert explained_share(found, "sift") == pytest.approx(0.03 + 0.01 * np.sqrt(3.0))
+    assert AssessedTruth(found).explained_share("lk") == pytest.approx(0.32 + 0.01 * np.sqrt(102.0))
+    assert AssessedTruth(found).explained_share("sift") == pytest.approx(0.03 + 0.01 * np.sqrt(3.0))
     few = table(audit=of_lk, sizes=sizes, **both)  # a tracker with too few tracks has the largest bound of the others
-    assert explained_share(few, "sift") == explained_share(few, "lk")
+    assert AssessedTruth(few).explained_share("sift") == AssessedTruth(few).explained_share("lk")
 
 
 @pytest.mark.parametrize("missing", ["poses", "depths"])
@@ -383,7 +385,7 @@ def test_a_tracker_whose_motion_is_unknown_is_bounded_by_another_one(factor: flo
     assert TruthVerdict.of(found).verdict == expected
     assert found.filter(tracker="sift", cause="poses")["share"].to_list() == [None]
     if expected == "trusted":
-        assert explained_share(found, "sift") == pytest.approx(explained_share(found, "lk"))
+        assert AssessedTruth(found).explained_share("sift") == pytest.approx(AssessedTruth(found).explained_share("lk"))
 
 
 def test_a_clearer_scene_is_recommended() -> None:

@@ -7,8 +7,7 @@ import polars as pl
 import pytest
 
 from tracknoise.exceptions import DataError
-from tracknoise.tables.findings_schema import TRUST
-from tracknoise.tables.trust import ranges
+from tracknoise.tables.trust import TRUST, AssessedTruth
 from tracknoise.truth_faults.check_change import read_check, truth_change
 
 UNKNOWN = {"every": (0.0, 0.7), "poses": (0.0, 0.6), "any fault": (0.1, 0.12)}
@@ -24,7 +23,7 @@ def change(trust, *sequences):
         document=lambda name: document if sequences else None,
         manifest=lambda: SimpleNamespace(sequences={"hall@default": None, "yard%2F1@default": None}),
     )
-    text = truth_change(run, trust)
+    text = truth_change(run, AssessedTruth(trust))
     return None if text is None else text.replace("\N{NO-BREAK SPACE}", " ")
 
 
@@ -87,7 +86,7 @@ def test_the_worst_of_the_sequences_that_were_measured_counts():
 
 def test_ranges_are_of_the_tracker_of_which_a_cause_may_explain_most():
     now = trust("limited", every=[(None, 0.2), (None, 0.3)], poses=[(0.1, 0.2), (0.0, 0.4)])
-    assert ranges(now) == {"every": (0.0, 0.3), "poses": (0.1, 0.4)}
+    assert AssessedTruth(now).ranges == {"every": (0.0, 0.3), "poses": (0.1, 0.4)}
 
 
 @pytest.mark.parametrize("text", ["{}", '{"sequences": [{"sequence": "x"}]}', '{"sequences": 3}', "[]", "no"])

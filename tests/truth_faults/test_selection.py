@@ -8,7 +8,7 @@ from benchmarks.validity.audit import SIZES, holds_finally, is_seen
 from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.inference.robust_fits import jackknife
-from tracknoise.tables.findings_schema import AuditVerdict
+from tracknoise.tables.truth_audit import AuditVerdict
 from tracknoise.truth_faults.audit_fit import fit
 from tracknoise.truth_faults.audit_selection import Basis, assess, judge, select
 from tracknoise.truth_faults.corrected_positions import predict

@@ -11,8 +11,9 @@ from benchmarks.validity.audit_worlds import World, make_samples, theta_of
 
 from tracknoise.inference.units import NO_GROUPS
 from tracknoise.report.truth_section import curve_cells, parameter_cells
-from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, AuditVerdict
+from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS
 from tracknoise.tables.schema import POSES, empty
+from tracknoise.tables.truth_audit import AuditVerdict
 from tracknoise.truth_faults.audit_summary import (
     NO_FAULT,
     Estimate,

@@ -34,7 +34,7 @@ from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Constants, Rows, RunTable, by_quantity, same
 from tracknoise.tables.schema import COVARIANCE_FRAMES, COVARIANCE_SUMS, TRIMMING, VERDICT
 from tracknoise.tables.schema import POOLED as CONDITIONS
-from tracknoise.tables.trust import explained_share
+from tracknoise.tables.trust import AssessedTruth
 
 
 def _own_covariances() -> Rows:
@@ -205,7 +205,7 @@ def allowing_for_truth(rows: pl.DataFrame, trust: pl.DataFrame) -> pl.DataFrame:
     """
     key = [*POOLED, "covariance", "trimming"]
     judged = [
-        _with_verdicts(part, explained_share(trust, part["tracker"][0]))
+        _with_verdicts(part, AssessedTruth(trust).explained_share(part["tracker"][0]))
         for part in rows.partition_by(key, maintain_order=True)
     ]
     return pl.concat([rows.clear(), *judged]).sort(_SORTED)

@@ -16,6 +16,11 @@ class RoleValues:
     role: str
     axes: Sequence[Axis | None] = tuple(Axis)  # that it is compared along; None for what has no axis
 
+    @property
+    def family(self) -> Family:
+        """That of the role."""
+        return Family.of_role(self.role)
+
 
 def all_rows(first: pl.DataFrame, second: pl.DataFrame) -> Sequence[pl.DataFrame]:
     """Numbers of two runs as they are."""
@@ -32,6 +37,7 @@ class TableValues:
     rows: Mapping[str, str] = field(default_factory=dict)  # values of columns in the rows that are read
     axis: str | None = None  # what `at` is: `window`, or `age`, which is the frame where errors are zero in a key frame
     paired: Callable[[pl.DataFrame, pl.DataFrame], Sequence[pl.DataFrame]] = all_rows  # chooses numbers of two runs
+    family: Family = Family.others  # of the questions about it
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +50,17 @@ class Estimand:
     unit: Unit = Unit.ratio  # of an effect
     called: str = ""  # for readers; by default the name
     larger_is_better: bool = False
-    family: Family = Family.others  # of tests that are corrected together
     of_errors: bool = False  # whether it has no meaning where true positions are fitted to the tracks
 
     @property
     def title(self) -> str:
         """What it is called."""
         return self.called or self.name.replace("_", " ")
+
+    @property
+    def family(self) -> Family:
+        """Of tests that are corrected together."""
+        return self.values.family
 
 
 OVER_SCENES = "geometric mean over scenes"

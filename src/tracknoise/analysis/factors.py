@@ -168,16 +168,11 @@ ROLES: Mapping[str, str] = {name: role for name, role in _ROLES.items() if role 
 RANKED = (CORE, "second", "lifetime", "outlier_ratio")
 """Roles of the statistics that trackers are ranked by."""
 LEAST_TRACKERS = 3
-_FAMILIES: Mapping[str, Family] = {
-    **dict.fromkeys((CORE, "second"), Family.sizes),
-    **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
-}
-"""Families of roles; those of all others are `others`."""
 
 
 def family(statistic: str) -> Family:
     """Family of questions that a statistic, or a role of one, belongs to."""
-    return _FAMILIES.get(ROLES.get(statistic, statistic), Family.others)
+    return Family.of_role(ROLES.get(statistic, statistic))
 
 
 _LEFT_OUT = "central"

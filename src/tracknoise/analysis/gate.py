@@ -77,7 +77,7 @@ def judge(
     chosen = [question for question in asked if gate.about(question)]
     tested = [question.tested(gate.margin(question), level=gate.level, ages=gate.ages) for question in chosen]
     p_worse = [
-        None if question.found is None else question.found.sides[question.asked.worse].p_beyond for question in tested
+        None if question.change is None else question.change.sides[question.asked.worse].p_beyond for question in tested
     ]
     rows = [_row(gate, question, beyond) for question, beyond in zip(tested, holm(p_worse), strict=True)]
     lacking = [*missing, *_unanswered(gate, [question for question in asked if gate.covers(question.of)], expected)]
@@ -93,7 +93,7 @@ def _row(gate: Gate, tested: Tested, beyond: float) -> GateRow:
 
 def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]:
     """Outcome of a row, and why it is undecided. `beyond`: adjusted p-value of a change for the worse."""
-    tests = tested.found
+    tests = tested.change
     if tests is None:
         return UNDECIDED, tested.gap
     if is_beyond(beyond, gate.level):

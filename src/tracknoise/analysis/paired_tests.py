@@ -103,6 +103,18 @@ class Family(StrEnum):
     ends = "ends"
     others = "others"
 
+    @classmethod
+    def of_role(cls, role: str) -> "Family":
+        """That of the questions about statistics of a role."""
+        return _FAMILIES.get(role, cls.others)
+
+
+_FAMILIES = {
+    **dict.fromkeys(("core", "second"), Family.sizes),
+    **dict.fromkeys(("lifetime", "outlier_ratio"), Family.ends),
+}
+"""Families of roles; those of all others are `others`."""
+
 
 @dataclass(frozen=True, slots=True)
 class Question:

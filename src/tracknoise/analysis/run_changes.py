@@ -241,7 +241,7 @@ class Tested:
     """Outcome of the tests of a question."""
 
     asked: Asked
-    found: Change | None = None  # tests and effect; None without enough data
+    change: Change | None = None  # tests and effect; None without enough data
     gap: str | None = None  # why nothing can be shown to be within the margin, or that kinds of references disagree
     resampled: Resampled | None = None  # what intervals are about
 
@@ -251,7 +251,7 @@ class Tested:
         return {
             **dict.fromkeys(("effect", "low", "high", "coordinate", "at_low", "at_high")),
             "at": values.place(0) if values.values.shape[2] == 1 else None,  # a single value is not a mean over places
-            **(self._without_tests() if self.found is None else self._effect(self.found)),
+            **(self._without_tests() if self.change is None else self._effect(self.change)),
             "axis": asked.axis,
             "horizon": known(values.horizon[0]),
             "n_scenes": asked.n_scenes,
@@ -288,7 +288,7 @@ class Tested:
 
     def verdict(self, adjusted: float, q_none: float, margin: float, level: float) -> tuple[ChangeVerdict, str | None]:
         """The verdict by adjusted p-values, and why it is undecided, or a remark."""
-        tests = self.found
+        tests = self.change
         if tests is None:
             return ChangeVerdict.undecided, self.gap
         gap = self.gap or self.asked.values.gap
@@ -337,8 +337,8 @@ def verdicts(
     """
     margins = [one.estimand.unit.margin(margin, one.values.scale_px) for one in asked]
     tested = [one.tested(limit, level=level, ages=ages) for one, limit in zip(asked, margins, strict=True)]
-    p_change = [None if one.found is None else one.found.p_change for one in tested]
-    p_none = [None if one.found is None else one.found.p_none for one in tested]
+    p_change = [None if one.change is None else one.change.p_change for one in tested]
+    p_none = [None if one.change is None else one.change.p_none for one in tested]
     statistics = [one.statistic for one in asked]
     adjusted = in_families(holm, p_change, [one.estimand.family for one in asked])
     q_none = in_families(benjamini_hochberg, p_none, statistics)

@@ -24,6 +24,7 @@ from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import ENDS, ORIGIN, VIEW
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
+from tracknoise.tables.truth_audit import AuditTables
 
 KindTables = Mapping[str, Mapping[str, TablesByCondition]]
 """`MOMENTS` and `SCALES` by the kind of reference tracks, by name and by condition."""
@@ -63,6 +64,8 @@ class RunInputs:
         Options by which trackers of one kind differ.
     kinds
         Kinds of reference tracks.
+    audit, assess
+        Audit the truth of the run, and give the verdict on it, from these inputs.
     made
         Tables of the run.
     """
@@ -77,11 +80,18 @@ class RunInputs:
     seeds: int
     trackers: Sequence[str]
     options: Sequence[OptionFactor]
-    kinds: Sequence[str] = ()
+    kinds: Sequence[str]
+    audit: Callable[[], AuditTables]
+    assess: Callable[["RunInputs"], pl.DataFrame]
     made: dict[RunTable, pl.DataFrame] = field(default_factory=dict)
 
     def __getitem__(self, table: RunTable) -> pl.DataFrame:
         return self.made[table]
+
+    @property
+    def named(self) -> dict[str, pl.DataFrame]:
+        """Tables of the run by their names."""
+        return {table.name: rows for table, rows in self.made.items()}
 
     @property
     def key_frames(self) -> Mapping[str, int]:

@@ -25,7 +25,7 @@ from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
 from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Axis, Population
-from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, EVERYTHING, INTERVAL_COLUMNS, MEASURED
+from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import (
     ALL_ROWS,
@@ -51,6 +51,7 @@ from tracknoise.tables.schema import (
     check,
 )
 from tracknoise.tables.schema import POOLED as CONDITIONS
+from tracknoise.tables.truth_audit import EVERYTHING, MEASURED
 
 
 def _second_truth() -> Rows:

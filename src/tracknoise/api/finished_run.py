@@ -13,12 +13,14 @@ import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
-from tracknoise.tables.findings_schema import AUDIT, FINDINGS, INTERVALS, OUTLIERS, SUMMARY
+from tracknoise.tables.findings_schema import INTERVALS, OUTLIERS, SUMMARY
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.text import counted
 from tracknoise.topics.catalogue import RUN_TABLES, run_results
+from tracknoise.topics.headlines import read_findings
 
 if TYPE_CHECKING:
     from tracknoise.api.sigma_to_set import SigmaToSet
@@ -320,15 +322,13 @@ class Run:
         UnknownNameError
             If the run has no such tracker.
         """
-        findings = self._folder.statistics(FINDINGS)
-        if findings.is_empty():
-            raise StoreError(f"{self.path}: holds no findings, expected some: `tracknoise run` makes them")
+        findings = read_findings(self._folder)
         if tracker is None:
-            return findings.sort("rank")
+            return findings
         trackers = self._conditions["tracker"].unique(maintain_order=True).to_list()
         if tracker not in trackers:
             raise UnknownNameError("tracker", tracker, trackers)
-        return findings_about(self._folder, findings.sort("rank"), tracker)
+        return findings_about(self._folder, findings, tracker)
 
     def sigma(
         self, estimator: str, *, window: int | None = None, features: int | None = None
@@ -375,7 +375,7 @@ class Run:
         """
         from tracknoise.truth_faults.audit_summary import audit_sentences
 
-        return audit_sentences(self._folder.statistics(AUDIT))
+        return audit_sentences(AuditTables.of_run(self._folder).audit)
 
     def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
         """Return the intervals of all numbers that have one.

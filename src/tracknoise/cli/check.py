@@ -85,7 +85,7 @@ def _of_run(terminal: Terminal, run: Path, out: list[Path] | None, others: list[
     write_files({path: lambda: audit_json(audit) for path in files.values()}, terminal.say)
     if not as_json:
         print_audit(terminal, audit)
-    return 0 if audit.verdict.is_usable else UNUSABLE
+    return 0 if audit.truth.verdict.is_usable else UNUSABLE
 
 
 def _of_recording(

@@ -8,6 +8,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.topics.factor_topic import changes
 from tracknoise.topics.headline import MOST_TRACKERS
+from tracknoise.topics.headlines import findings_of
 from tracknoise.topics.measures import Subject
 from tracknoise.topics.sentences import joined, sentences_of
 from tracknoise.topics.size_topic import size_measure
@@ -90,7 +91,7 @@ def _trust(data: ReportData) -> list[str]:
     verdict = joined([truth.opening, *why, *(f"Next: {text}" for text in step)])
     change = joined(sentences_of(data.truth_change or "")[:1])
     lost = without_truth(data).strip() if depth_is_from_images(data) else ""
-    return [verdict, truth.poses, truth.stated, lost, change, *data["findings"].filter(topic="copies")["brief"]]
+    return [verdict, truth.poses, truth.stated, lost, change, *findings_of(data.tables, "copies")["brief"]]
 
 
 def most_important(data: ReportData, most: int) -> list[str]:

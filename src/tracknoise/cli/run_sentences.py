@@ -7,11 +7,10 @@ from tracknoise.cli.run_answer import most_important
 from tracknoise.cli.run_summary import summary_text
 from tracknoise.cli.terminal import WIDTH, Terminal
 from tracknoise.cli.text_table import show
-from tracknoise.exceptions import StoreError
 from tracknoise.report import factor_section, findings_section
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
-from tracknoise.topics.headlines import findings_json
+from tracknoise.topics.headlines import findings_json, read_findings
 from tracknoise.words import count
 
 _MOST = 10
@@ -27,8 +26,7 @@ def print_findings(terminal: Terminal, run: Path, *, every: bool, as_json: bool)
         If it holds no findings.
     """
     data = ReportData.of(RunFolder(run))
-    if data["findings"].is_empty():
-        raise StoreError(f"{run}: holds no findings, expected those of a finished run; `tracknoise run` computes them")
+    read_findings(data.run)
     if failed := data.manifest.failures:
         are = "is" if len(failed) == 1 else "are"
         terminal.warn(f"{run}: {count(len(failed), 'sequence')} failed and {are} not in these findings")

@@ -18,7 +18,9 @@ from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import counted
+from tracknoise.topics.bias_topic import mean_errors
 from tracknoise.topics.headline import MOST_TRACKERS
+from tracknoise.topics.headlines import findings_of
 from tracknoise.topics.sentences import by_statement, together
 from tracknoise.topics.truth_topic import at_most
 from tracknoise.words import rms_of_tracks
@@ -205,13 +207,8 @@ def _errors(data: ReportData) -> list[tuple[str, str, str]]:
 
 def _with_means(data: ReportData) -> pl.DataFrame:
     """The summary with the mean errors of the finding on bias, in which scenes weigh equally, px."""
-    key = [*POOLED, "at"]
-    means = (
-        data["zero_mean"]
-        .filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name)
-        .select(*key, *(pl.col(f"mean_{axis}_px").alias(f"{data.trimming}_mean_{axis}_px") for axis in "uv"))
-    )
-    return data["summary"].join(means, on=key, how="left", nulls_equal=True, maintain_order="left")
+    means = mean_errors(data).rename({f"mean_{axis}_px": f"{data.trimming}_mean_{axis}_px" for axis in "uv"})
+    return data["summary"].join(means, on=[*POOLED, "at"], how="left", nulls_equal=True, maintain_order="left")
 
 
 def _with_noise(data: ReportData) -> pl.DataFrame:
@@ -230,7 +227,7 @@ def _with_noise(data: ReportData) -> pl.DataFrame:
 
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
-    change, copies = data.truth_change, data["findings"].filter(topic="copies")["text"]
+    change, copies = data.truth_change, findings_of(data.tables, "copies")["text"]
     truth = data.truth
     texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
     return ["\n".join([*wrapped(text), ""]) for text in texts]
@@ -252,13 +249,13 @@ def _more_accurate(data: ReportData) -> list[str]:
 
 def _for_estimators(data: ReportData) -> list[str]:
     """The finding that says which noise to set in an estimator, and the trackers that it does not name."""
-    texts = [*data["findings"].filter(topic="estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
+    texts = [*findings_of(data.tables, "estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
     return ["\n".join(wrapped(text)) for text in texts]
 
 
 def _where_trimming_matters(data: ReportData) -> list[str]:
     """The finding that says where trimmed and untrimmed errors disagree."""
-    return ["\n".join(wrapped(text)) for text in data["findings"].filter(topic="trimming")["text"]]
+    return ["\n".join(wrapped(text)) for text in findings_of(data.tables, "trimming")["text"]]
 
 
 def _machines(data: ReportData) -> list[str]:
@@ -271,7 +268,7 @@ def _fitted(data: ReportData) -> list[str]:
     """What errors about fitted points hide, and the noise that is corrected for the fit."""
     if not data.truth_is_fitted:
         return []
-    return ["\n".join(wrapped(text)) for text in data["findings"].filter(pl.col("topic").is_in(_FITTED_TOPICS))["text"]]
+    return ["\n".join(wrapped(text)) for text in findings_of(data.tables, *_FITTED_TOPICS)["text"]]
 
 
 def _others(data: ReportData) -> list[str]:

@@ -26,12 +26,12 @@ from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import from_quaternion
 from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.grouping import without_blocks
-from tracknoise.tables.findings_schema import AUDIT_CURVES
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, TRACK_ERRORS, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.truth_audit import AuditTables
 
 
 def reference_view(table: pl.DataFrame) -> dict[str, Any]:
@@ -108,16 +108,15 @@ _USED = {
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RunTruth:
-    """What is known of a run's truth: the verdict on it, and table `AUDIT_CURVES`; None where it is not audited."""
+    """What is known of a run's truth: the verdict on it, and its errors before and after corrections."""
 
     verdict: TruthVerdict
-    audit_curves: pl.DataFrame | None
+    audit_curves: pl.DataFrame
 
     @classmethod
     def of(cls, folder: RunFolder) -> "RunTruth":
         """That of a run."""
-        audited = "audit_curves" in folder.manifest().statistics
-        return cls(TruthVerdict.of_run(folder), folder.statistics(AUDIT_CURVES) if audited else None)
+        return cls(TruthVerdict.of_run(folder), AuditTables.of_run(folder).audit_curves)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -78,19 +78,19 @@ class OpenedRun:
 def _require_comparable(first: OpenedRun, second: OpenedRun) -> list[str]:
     """Keys of the sequences that both runs have measured, sorted."""
     common = sorted(set(first.manifest.sequences) & set(second.manifest.sequences))
-    for what, found, expected in _obstacles(first, second, common):
-        raise SettingsError(f"{first.name} and {second.name} cannot be compared: {what}: {found}, expected {expected}")
+    for what, values, expected in _obstacles(first, second, common):
+        raise SettingsError(f"{first.name} and {second.name} cannot be compared: {what}: {values}, expected {expected}")
     return common
 
 
 def _obstacles(first: OpenedRun, second: OpenedRun, common: Sequence[str]) -> Iterator[tuple[str, str, str]]:
     """Why runs cannot be compared: what is another one, what was found, and what is expected."""
-    known, found = first.flat(), second.flat()
-    for name in dict.fromkeys([*known, *found]):
-        counts = name.startswith((_DATA, _TRUTH)) and not name.startswith(_FREE)
-        if counts and known.get(name) != found.get(name):
+    settings = first.flat(), second.flat()
+    for name in dict.fromkeys(name for of_run in settings for name in of_run):
+        a, b = (of_run.get(name) for of_run in settings)
+        if a != b and name.startswith((_DATA, _TRUTH)) and not name.startswith(_FREE):
             what = "other data" if name.startswith(_DATA) else "other truth"
-            yield what, f"{name} is {_shown(known.get(name))} and {_shown(found.get(name))}", "the same"
+            yield what, f"{name} is {_shown(a)} and {_shown(b)}", "the same"
     for name in LIBRARIES:
         a, b = (run.manifest.versions.get(name) for run in (first, second))
         if a != b:
@@ -105,39 +105,45 @@ def _obstacles(first: OpenedRun, second: OpenedRun, common: Sequence[str]) -> It
 
 def _unlike(first: OpenedRun, second: OpenedRun, key: str) -> Iterator[tuple[str, str, str]]:
     """The same of a sequence whose images or true geometry differ."""
-    known, found = (run.manifest.sequences[key] for run in (first, second))
+    first_entry, second_entry = (run.manifest.sequences[key] for run in (first, second))
     sequence = readable(key)
     for what, names in (("other data", _OF_IMAGES), ("other truth", _OF_TRUTH)):
         for name in names:
-            a, b = getattr(known, name), getattr(found, name)
+            a, b = getattr(first_entry, name), getattr(second_entry, name)
             if a != b:
                 yield what, f"{name} of {sequence} is {a} and {b}", "the same"
-    if known.snapshot_frame == found.snapshot_frame and known.sha256.get("snapshots") != found.sha256.get("snapshots"):
-        yield "other data", f"frame {known.snapshot_frame} of {sequence} differs", "the same image"
-    if known.leading_poses != found.leading_poses:
-        values = f"poses of {sequence} are {known.leading_poses} and {found.leading_poses}"
+    images = [entry.sha256.get("snapshots") for entry in (first_entry, second_entry)]
+    if first_entry.snapshot_frame == second_entry.snapshot_frame and images[0] != images[1]:
+        yield "other data", f"frame {first_entry.snapshot_frame} of {sequence} differs", "the same image"
+    if first_entry.leading_poses != second_entry.leading_poses:
+        values = f"poses of {sequence} are {first_entry.leading_poses} and {second_entry.leading_poses}"
         yield "other truth", values, 'the same, as with poses = "stated" in [truth] of both'
-    for name in ("cameras",) if known.leading_poses == REFINED else ("poses", "cameras"):
+    for name in ("cameras",) if first_entry.leading_poses == REFINED else ("poses", "cameras"):
         if not _equal(first, second, name, key):
             yield "other truth", f"{name} of {sequence} differ", "the same"
 
 
 def _equal(first: OpenedRun, second: OpenedRun, name: str, key: str) -> bool:
     """Whether two tables have the same content, even if their files differ."""
-    known, found = (run.manifest.sequences[key].sha256.get(name) for run in (first, second))
-    return known == found or first.folder.sequence_table(name, key).equals(second.folder.sequence_table(name, key))
+    first_hash, second_hash = (run.manifest.sequences[key].sha256.get(name) for run in (first, second))
+    if first_hash == second_hash:
+        return True
+    return first.folder.sequence_table(name, key).equals(second.folder.sequence_table(name, key))
 
 
 def _differing(first: OpenedRun, second: OpenedRun) -> tuple[tuple[str, str, str], ...]:
     """Settings and versions that differ: name, value in the first run, value in the second."""
-    known, found = (
-        {**dict(dotted(run.settings)), **{f"version of {name}": one for name, one in run.manifest.versions.items()}}
+    first_values, second_values = (
+        {
+            **dict(dotted(run.settings)),
+            **{f"version of {name}": version for name, version in run.manifest.versions.items()},
+        }
         for run in (first, second)
     )
     return tuple(
-        (name, _shown(known.get(name)), _shown(found.get(name)))
-        for name in dict.fromkeys([*known, *found])
-        if known.get(name) != found.get(name) and name not in OF_NO_RESULT
+        (name, _shown(first_values.get(name)), _shown(second_values.get(name)))
+        for name in first_values | second_values
+        if first_values.get(name) != second_values.get(name) and name not in OF_NO_RESULT
     )
 
 
@@ -153,10 +159,10 @@ def _some(keys: Iterable[str]) -> str:
 
 def _refined_apart(first: OpenedRun, second: OpenedRun, keys: Iterable[str]) -> Iterator[str]:
     """A sentence about sequences whose poses were refined twice, with results that differ."""
-    known, found = first.manifest.sequences, second.manifest.sequences
-    refined = [key for key in keys if known[key].leading_poses == REFINED]
+    first_entries, second_entries = first.manifest.sequences, second.manifest.sequences
+    refined = [key for key in keys if first_entries[key].leading_poses == REFINED]
     apart = [key for key in refined if not _equal(first, second, "poses", key)]
-    fit = joined_fit([run[key].pose_fit for key in apart for run in (known, found)])
+    fit = joined_fit([run[key].pose_fit for key in apart for run in (first_entries, second_entries)])
     if fit is not None and fit.left_px is not None:
         left = f"differences may contain what is left of their errors, {pixels(fit.left_px)} px at age {fit.age}"
         yield f"Poses of {_some(apart)} were refined in other parts of frames: {left}."
@@ -169,11 +175,11 @@ def _failed_in(first: OpenedRun, second: OpenedRun) -> Iterator[str]:
         yield f"{second.name} could not measure {_some(failed)}, which {first.name} measured."
 
 
-def _left_out(one: OpenedRun, other: OpenedRun) -> Iterator[str]:
-    """Sentences about sequences that one run has measured, and the other was not to."""
-    known = set(other.manifest.sequences) | set(other.manifest.failures)
-    if only := set(one.manifest.sequences) - known:
-        yield f"{other.name} has no {_some(only)}, which {one.name} measured."
+def _left_out(run: OpenedRun, other: OpenedRun) -> Iterator[str]:
+    """Sentences about sequences that a run has measured, and the other was not to."""
+    asked_for = set(other.manifest.sequences) | set(other.manifest.failures)
+    if only := set(run.manifest.sequences) - asked_for:
+        yield f"{other.name} has no {_some(only)}, which {run.name} measured."
 
 
 _FITTED = "True positions are fitted to the tracks, so that errors are not compared."
@@ -244,13 +250,13 @@ Pair = tuple[Condition, Condition]
 
 def _matched_trackers(first: RunTables, second: RunTables, asked: tuple[str, str] | None) -> dict[str, str]:
     """Name of the tracker of the second run, by that of the first. `asked`: None for those of the same name."""
-    known, found = first.trackers, second.trackers
+    first_trackers, second_trackers = first.trackers, second.trackers
     if asked is None:
-        if not known & found:
-            have = " and ".join(", ".join(sorted(names)) for names in (known, found))
+        if not first_trackers & second_trackers:
+            have = " and ".join(", ".join(sorted(names)) for names in (first_trackers, second_trackers))
             pair = f"{first.name} and {second.name} cannot be compared"
             raise SettingsError(f"{pair}: trackers {have}, expected {_EXPECTED}")
-        return {name: name for name in sorted(known & found)}
+        return {name: name for name in sorted(first_trackers & second_trackers)}
     for run, name in zip((first, second), asked, strict=True):
         if name not in run.trackers:
             raise UnknownNameError(f"tracker of {run.name}", name, run.trackers)
@@ -259,8 +265,8 @@ def _matched_trackers(first: RunTables, second: RunTables, asked: tuple[str, str
 
 def _paired_conditions(first: RunTables, trackers: Mapping[str, str]) -> list[Pair]:
     """Conditions of a run and those that another should have, sorted. `trackers`: as of `_matched_trackers`."""
-    known = [key for key in sorted(first.values.frames) if str(key[_TRACKER]) in trackers]
-    return [(key, (*key[:_TRACKER], trackers[str(key[_TRACKER])], *key[_TRACKER + 1 :])) for key in known]
+    conditions = [key for key in sorted(first.values.frames) if str(key[_TRACKER]) in trackers]
+    return [(key, (*key[:_TRACKER], trackers[str(key[_TRACKER])], *key[_TRACKER + 1 :])) for key in conditions]
 
 
 def _unmatched(first: RunTables, second: RunTables, trackers: Mapping[str, str] | None) -> Iterator[str]:
@@ -289,28 +295,28 @@ def questions(first: OpenedRun, second: OpenedRun, trackers: tuple[str, str] | N
     keys = _require_comparable(first, second)
     scenes: dict[str, list[str]] = {}
     for dataset, scene in sorted(
-        {(one.dataset, one.scene) for one in (first.manifest.sequences[key].sequence for key in keys)}
+        {(sequence.dataset, sequence.scene) for sequence in (first.manifest.sequences[key].sequence for key in keys)}
     ):
         scenes.setdefault(dataset, []).append(scene)
-    known, found = (_read(run, keys, scenes) for run in (first, second))
-    matched = _matched_trackers(known, found, trackers)
+    first_tables, second_tables = (_read(run, keys, scenes) for run in (first, second))
+    matched = _matched_trackers(first_tables, second_tables, trackers)
     fitted = any(first.manifest.sequences[key].truth == TRIANGULATED for key in keys)
     missing = (*_failed_in(first, second), *_left_out(first, second))
-    apart = _unmatched(known, found, matched if trackers is None else None)
+    apart = _unmatched(first_tables, second_tables, matched if trackers is None else None)
     others = (*_left_out(second, first), *_refined_apart(first, second, keys))
     notes = (*missing, *others, *apart, *([_FITTED] if fitted else []))
     groups = groups_of_scenes(first.manifest.sequences, first.settings["dataset"].get("groups"))
     asked = [
         Asked(_compared(second.name, pair), estimand, values, names, groups.of(dataset, names), axis)
-        for pair in _paired_conditions(known, matched)
-        if pair[1] in found.values.frames
+        for pair in _paired_conditions(first_tables, matched)
+        if pair[1] in second_tables.values.frames
         for dataset, names in [(str(pair[0][0]), scenes[str(pair[0][0])])]
         for estimand in ESTIMANDS.values()
         if not (fitted and estimand.of_errors)
-        for axis, values in _differences(estimand, (known, found), pair)
+        for axis, values in _differences(estimand, (first_tables, second_tables), pair)
     ]
-    partners = matched if trackers else {name: matched.get(name, name) for name in known.trackers}
-    expected = (_compared(second.name, pair) for pair in _paired_conditions(known, partners))
+    partners = matched if trackers else {name: matched.get(name, name) for name in first_tables.trackers}
+    expected = (_compared(second.name, pair) for pair in _paired_conditions(first_tables, partners))
     return Questions(tuple(asked), notes, missing, tuple(expected))
 
 
@@ -332,9 +338,9 @@ def _differences(
                 yield axis, differences_of(source.role, levels, axis, scenes).reversed()
     elif all(key in run.numbers[estimand.name] for run, key in zip(runs, pair, strict=True)):
         both = source.paired(*(run.numbers[estimand.name][key] for run, key in zip(runs, pair, strict=True)))
-        found = number_differences(both, scenes, logarithms=estimand.unit == Unit.ratio)
+        differences = number_differences(both, scenes, logarithms=estimand.unit == Unit.ratio)
         is_of_frames = source.axis == Axis.age and levels[0][0].errors.key_frames
-        yield Axis.frame if is_of_frames else source.axis, found.reversed()
+        yield Axis.frame if is_of_frames else source.axis, differences.reversed()
 
 
 _LEVELS = (0.5, 0.99)
@@ -384,22 +390,22 @@ def compare(
         If there is no finished run, or one is damaged.
     """
     _require(others, trackers, gate, margin, level, ages)
-    known, *compared = _opened([path_of("run", path) for path in (first, *others)])
-    stated = known.settings.get("findings", {})
+    base, *compared = _opened([path_of("run", path) for path in (first, *others)])
+    stated = base.settings.get("findings", {})
     margin = stated.get("margin", MARGIN) if margin is None else margin
     level = stated.get("level", LEVEL) if level is None else level
-    found = [questions(known, run, trackers) for run in compared]
-    asked = [one for part in found for one in part.asked]
+    asked_of_runs = [questions(base, run, trackers) for run in compared]
+    asked = [question for part in asked_of_runs for question in part.asked]
     sides = tuple(
-        RunSide(run.name, str(run.folder.path), _differing(known, run), part.notes, TruthVerdict.of_run(run.folder))
-        for run, part in zip(compared, found, strict=True)
+        RunSide(run.name, str(run.folder.path), _differing(base, run), part.notes, TruthVerdict.of_run(run.folder))
+        for run, part in zip(compared, asked_of_runs, strict=True)
     )
     rows = verdicts(asked, margin=margin, level=level, ages=ComparedAges(ages))
-    missing = [sentence for part in found for sentence in part.missing]
-    missing += [] if gate is None else [text for run in (known, *compared) for text in _unwanted_poses(run, gate)]
-    expected = [condition for part in found for condition in part.expected]
+    missing = [sentence for part in asked_of_runs for sentence in part.missing]
+    missing += [] if gate is None else [text for run in (base, *compared) for text in _unwanted_poses(run, gate)]
+    expected = [condition for part in asked_of_runs for condition in part.expected]
     result = None if gate is None else judge(gate, asked, missing, expected)
-    side = RunSide(known.name, str(known.folder.path), truth=TruthVerdict.of_run(known.folder))
+    side = RunSide(base.name, str(base.folder.path), truth=TruthVerdict.of_run(base.folder))
     return Comparison(side, sides, tuple(rows), margin, level, ComparedAges(ages), result)
 
 

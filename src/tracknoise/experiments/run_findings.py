@@ -1,6 +1,7 @@
 """Findings of a run from its statistics: the tables of all topics, noise models, and sentences."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -18,17 +19,18 @@ from tracknoise.experiments.settings import FROM_FILES, Experiment
 from tracknoise.measurement.reference_tracks import KINDS
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.statistics.definitions import dropped_above
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FINDINGS, TRIMS, TRUST
+from tracknoise.tables.findings_schema import TRIMS
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.result_rows import with_ids
 from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import VIEW, empty
 from tracknoise.tables.store import FINDINGS_JSON, RunFolder
-from tracknoise.tables.trust import TruthVerdict
-from tracknoise.topics.catalogue import FINDINGS_TABLES, TOPICS, by_table
+from tracknoise.tables.trust import AssessedTruth
+from tracknoise.tables.truth_audit import AuditTables
+from tracknoise.topics.catalogue import ANALYSES, FINDINGS_TABLES, by_table
 from tracknoise.topics.headline import ReportedConditions
-from tracknoise.topics.headlines import basis_of, findings_json, headline_table
-from tracknoise.topics.topic import NO_ROWS, Analysis, make_tables
+from tracknoise.topics.headlines import basis_of, findings_json, with_findings
+from tracknoise.topics.topic import make_tables
 
 _MANY_FRAMES = 150
 """From so many on, it takes longer to audit their truth than to start a process."""
@@ -58,16 +60,12 @@ def compute_findings(
         If a table is damaged, or the folder cannot be written.
     """
     manifest = run.manifest()
-    inputs = _inputs(run, manifest, experiment, statistics)
     frames = sum(entry.n_frames for entry in manifest.sequences.values())
     with beside(is_wanted=workers > 1 and frames >= _MANY_FRAMES) as begin:
-        audited = begin(run_audit, run, manifest, experiment)
-        waiting = make_tables([analysis for topic in TOPICS for analysis in topic.analyses], inputs)
-        inputs.made.update(by_table(audited()))
-        inputs.made[TRUST] = trust_table(run, manifest, experiment, inputs.made, inputs.reference)
-        left = make_tables(waiting, inputs)
+        inputs = _inputs(run, manifest, experiment, statistics, begin(run_audit, run, manifest, experiment))
+        left = make_tables(ANALYSES, inputs)
         assert not left, "a table is needed that nothing makes"
-        truth = RunTruth(TruthVerdict.of(inputs[TRUST]), inputs[AUDIT_CURVES])
+        truth = RunTruth(AssessedTruth.of(inputs.named).verdict, AuditTables.of(inputs.named).audit_curves)
         models = fitted_models(run, inputs.trackers, inputs.reference.speed, truth, workers=workers, begin=begin)
     view = {name: getattr(inputs.reference, name) for name in (*VIEW, "speed")}
     asked = experiment.estimator
@@ -76,7 +74,11 @@ def compute_findings(
 
 
 def _inputs(
-    run: RunFolder, manifest: Manifest, experiment: Experiment, statistics: Mapping[str, pl.DataFrame]
+    run: RunFolder,
+    manifest: Manifest,
+    experiment: Experiment,
+    statistics: Mapping[str, pl.DataFrame],
+    audit: Callable[[], AuditTables],
 ) -> RunInputs:
     asked = experiment.findings
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
@@ -95,11 +97,10 @@ def _inputs(
         trackers=[tracker.label for tracker in experiment.trackers],
         options=option_factors(trackers),  # files of imported tracks come from any front end
         kinds=KINDS,
+        audit=audit,
+        assess=partial(trust_table, manifest, experiment),
         made=by_table(statistics),
     )
-
-
-_AUDIT = Analysis((AUDIT, AUDIT_CURVES), lambda _: (), if_wrong=NO_ROWS)
 
 
 def _write_findings(inputs: RunInputs, manifest: Manifest, experiment: Experiment, models: RunModels) -> None:
@@ -112,14 +113,14 @@ def _write_findings(inputs: RunInputs, manifest: Manifest, experiment: Experimen
         groups=inputs.sampling.groups,
         trimming=inputs.trimming,
     )
-    basis = basis_of(inputs[TRUST], is_fitted=reported.fitted)
+    basis = basis_of(AssessedTruth.of(inputs.named).verdict, is_fitted=reported.fitted)
     tables = {**{table: empty(table) for table in FINDINGS_TABLES}, **inputs.made}
-    for analysis in (_AUDIT, *(analysis for topic in TOPICS for analysis in topic.analyses)):
+    for analysis in ANALYSES:
         for table in analysis.tables:
             tables[table] = tables[table].filter(analysis.remaining(basis))
-    named = {table.name: rows for table, rows in tables.items()}
     cited = {table.name: _cited(table, rows, inputs) for table, rows in tables.items() if table.rows is not None}
-    named[FINDINGS.name] = tables[FINDINGS] = headline_table({**named, **cited}, reported)
+    tables = with_findings(tables, cited, reported)
+    named = {table.name: rows for table, rows in tables.items()}
     inputs.run.write_statistics(tables, documents={FINDINGS_JSON: findings_json(named), **models.documents})
 
 

@@ -1,30 +1,29 @@
 """The audit of a run's truth, and the verdict on it, from the tables of its sequences."""
 
-from collections.abc import Mapping
 from math import hypot, sqrt
 from statistics import fmean
 
 import polars as pl
 
 from tracknoise.analysis.condition_units import groups_of_scenes
+from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.experiments.run_statistics import first_lighting
 from tracknoise.experiments.settings import SYNTHETIC, Experiment
 from tracknoise.experiments.wrong_tracks import largest, wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
-from tracknoise.statistics.yardstick import ReferenceCondition
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FLOOR, SUMMARY
+from tracknoise.tables.findings_schema import FLOOR, SUMMARY
 from tracknoise.tables.manifest import Manifest, SequenceEntry
-from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import RIGID, VIEW, empty
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.truth_faults.assessment import MOST, ErrorSize, TruthEvidence, assess, refutes
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import AuditedTables, read_samples, tables_of
 from tracknoise.truth_faults.pose_accuracy import POSE_SHARE, scene_shares
 
 
-def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dict[str, pl.DataFrame]:
-    """Audit the truth of a run: tables `audit` and `audit_curves`.
+def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> AuditTables:
+    """Audit the truth of a run.
 
     One view of each scene and camera takes part: the first of its lightings, in the order of the experiment.
     """
@@ -32,8 +31,7 @@ def run_audit(run: RunFolder, manifest: Manifest, experiment: Experiment) -> dic
     groups = groups_of_scenes(manifest.sequences, experiment.dataset.groups)
     synthetic = [tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC]
     samples = read_samples(tables, groups, without=synthetic)
-    audited = tables_of(samples, next(iter(manifest.sequences.values())).sequence.dataset)
-    return {"audit": audited.audit, "audit_curves": audited.audit_curves}
+    return tables_of(samples, next(iter(manifest.sequences.values())).sequence.dataset)
 
 
 def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
@@ -53,41 +51,34 @@ def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:
     return sorted(keys[first_lighting(keys, experiment)] for keys in audited.values())
 
 
-def trust_table(
-    run: RunFolder,
-    manifest: Manifest,
-    experiment: Experiment,
-    tables: Mapping[RunTable, pl.DataFrame],
-    reference: ReferenceCondition,
-) -> pl.DataFrame:
+def trust_table(manifest: Manifest, experiment: Experiment, inputs: RunInputs) -> pl.DataFrame:
     """The verdict on the truth of a run.
 
     Parameters
     ----------
-    run, manifest, experiment
-        The run, and what it is of.
-    tables
-        With those of the audit, the shares of poses, and the summary.
-    reference
-        View and speed that numbers are shown of.
+    manifest, experiment
+        What the run is of.
+    inputs
+        With the tables of the audit, and the shares of poses.
     """
     entries = [manifest.sequences[key] for key in sorted(manifest.sequences)]
     every = {tracker.label for tracker in experiment.trackers}
     seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
-    shown = [pl.col(name) == getattr(reference, name) for name in (*VIEW, "speed")]
-    rigid = [empty(RIGID), *(table.filter(*shown) for table in run.stored_tables("rigid"))]
-    summary = tables[SUMMARY].filter(*shown, pl.col("tracker").is_in(seen or every))
+    shown = [pl.col(name) == getattr(inputs.reference, name) for name in (*VIEW, "speed")]
+    rigid = [empty(RIGID), *(table.filter(*shown) for table in inputs.run.stored_tables("rigid"))]
+    audit = AuditTables.of(inputs.named)
+    summary = inputs[SUMMARY].filter(*shown, pl.col("tracker").is_in(seen or every))
     states = all(entry.states_accuracy for entry in entries)
-    floor = tables[FLOOR].filter(*shown, source="all", axis="age")
+    floor = inputs[FLOOR].filter(*shown, source="all", axis="age")
     confirmed = largest([entry.confirmed_share for entry in entries])
     evidence = TruthEvidence(
-        audit=tables[AUDIT],
-        pose_shares=tables[POSE_SHARE].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
+        audit=audit.audit,
+        pose_shares=inputs[POSE_SHARE].filter(*shown, pl.col("tracker").is_in(seen)),  # others were made from it
         sizes=_sizes(summary, str(experiment.findings.trimming), floor if states else floor.clear()),
-        curves=tables[AUDIT_CURVES],
+        curves=audit.audit_curves,
         tracks=wrong_in_run([entry.wrong_tracks for entry in entries]),
         confirmed_share=confirmed,
-        mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(tables[AUDIT]))],
+        mistakes=[*_each(entries, "doubts"), *([] if refutes(confirmed, MOST) else usual_mistakes(audit.audit))],
         cautions=_each(entries, "cautions"),
         depth_edges=fmean(entry.depth_edges for entry in entries),
         pose_fits=[entry.pose_fit for entry in entries],

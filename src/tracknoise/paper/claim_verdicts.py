@@ -30,7 +30,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Reading, Shape, Verdict, Weighting
-from tracknoise.topics.bands import of_scalar
+from tracknoise.topics.bias_topic import has_bias
+from tracknoise.topics.shape_topic import shapes_of
 from tracknoise.words import DASH, STATISTICS, effect_text, format_estimate, listing, number, percent, size_text
 
 
@@ -169,7 +170,7 @@ def mean_chosen_among(data: ReportData, point: Point, coordinate: str, choices: 
     if choices == 1 or mean.low is None:
         return mean
     condition = {name: point[name] for name in (*POOLED, "population", "trimming", "at")}
-    rows = data["intervals"].filter(
+    rows = data.intervals.filter(
         aspect=Aspect.all,
         weighting=Weighting.features,
         statistic=NAMES[data.axis.name]["mean"],
@@ -354,7 +355,7 @@ def judge_outlier_level(claim: Claim, runs: Mapping[str, ReportData]) -> Judgeme
     """By the pooled ratio at every speed, and its interval. Ratios do not depend on trimming."""
     data, stated = runs[claim.experiment], claim.stated
     table = data.reference(data["outliers"]).filter(tracker=tracker_named(data, stated["tracker"])).sort("speed")
-    rows = of_scalar(table, data["intervals"], "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
+    rows = data.with_bounds_of(table, "outlier_ratio").drop_nulls("pooled_ratio").to_dicts()
     if not rows:
         return Judgement(Agreement.open, reason="no outlier ratio is known")
     low, high = stated["low"] - _ROUNDING, stated["high"] + _ROUNDING
@@ -400,9 +401,7 @@ def _bounds(row: Mapping[str, Any]) -> str:
 
 def _answers(data: ReportData, tracker: str) -> dict[str, bool | None]:
     """Whether errors of a tracker have zero mean, and are Gaussian; None where that is undecided."""
-    tests = data.nominal(data["zero_mean"]).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
-    shapes = data.nominal(data["gaussianity"]).filter(tracker=tracker, trimming=data.trimming)["verdict"].to_list()
-    return {"mean": _is_zero(tests, data, tracker), "shape": _is_gaussian([Shape(shape) for shape in shapes])}
+    return {"mean": _is_zero(data, tracker), "shape": _is_gaussian(shapes_of(data, tracker))}
 
 
 def _is_gaussian(shapes: Sequence[Shape]) -> bool | None:
@@ -412,12 +411,12 @@ def _is_gaussian(shapes: Sequence[Shape]) -> bool | None:
     return True if shapes and Shape.undecided not in shapes else None
 
 
-def _is_zero(tests: pl.DataFrame, data: ReportData, tracker: str) -> bool | None:
+def _is_zero(data: ReportData, tracker: str) -> bool | None:
     """False where the mean differs from zero; True where its intervals are within the margin of the root mean square.
 
     The intervals are those at all ages (or frames), in u and in v.
     """
-    if Verdict.yes in tests["verdict"]:
+    if has_bias(data, tracker):
         return False
     means, sizes = (curve(data, tracker, role) for role in ("mean", "second"))
     points = means.join(sizes.select("since", size_u="u", size_v="v"), on="since").to_dicts()

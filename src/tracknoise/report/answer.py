@@ -13,11 +13,11 @@ from tracknoise.topics import factor_topic
 from tracknoise.topics.answer_summary import FORMAT, Card, Judgement, Measure, NoiseToSet, Number, Summary
 from tracknoise.topics.catalogue import TOPICS
 from tracknoise.topics.headlines import basis_of
-from tracknoise.topics.measures import Subject, reported_conditions
+from tracknoise.topics.measures import Subject
 from tracknoise.topics.scene_topic import certainty, holds, measured
 from tracknoise.topics.statements import findings
 from tracknoise.topics.truth_topic import truth
-from tracknoise.topics.window_topic import sigma_sentence
+from tracknoise.topics.window_topic import advised, sigma_sentence
 from tracknoise.words import SPACE, TIMES, number, pixels, px
 
 
@@ -42,13 +42,11 @@ def summarise(data: ReportData) -> Summary:
 
 def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     """What to set in the estimator of the experiment, for each tracker in their order."""
-    rows = reported_conditions(data, data.slowest).reported(data["advice"])
     is_bound = not data.truth.is_usable
     for tracker in data.trackers:
-        advice = {row["quantity"]: row for row in rows.filter(tracker=tracker).to_dicts()}
-        if advice:
+        if advice := advised(data, tracker):
             sigma, innovations = (_number(advice[name]) for name in ("sigma", "innovations"))
-            factors = {
+            factors: dict[str, float] = {
                 name: advice[name]["value"] for name in ("track_gate", "observation_gate", "knee") if name in advice
             }
             limit = limit_text(advice["sigma"]["kernel"], factors)
@@ -110,7 +108,7 @@ def _cards(data: ReportData) -> tuple[Card, ...]:
 
 
 def _card(data: ReportData, tracker: str) -> Card:
-    subject, basis = Subject(data, tracker), basis_of(data["trust"], is_fitted=data.truth_is_fitted)
+    subject, basis = Subject(data, tracker), basis_of(data.truth, is_fitted=data.truth_is_fitted)
     candidates = [topic.measure(subject) for topic in TOPICS if topic.measure is not None and basis in topic.in_cards]
     measures = tuple(_limited(subject, measure) for measure in candidates if measure is not None)
     return Card(tracker, data.colour[tracker], measures, subject.said(sigma_sentence(data, tracker)))

@@ -9,7 +9,7 @@ import polars.selectors as cs
 
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.schema import VIEW
-from tracknoise.topics.bands import BOUNDS, of_scalar
+from tracknoise.topics.bands import BOUNDS
 
 SCENE_FEATURES = 20
 """Curves of single scenes are cut where fewer features than this remain."""
@@ -141,7 +141,7 @@ def _of_scene(data: ReportData, name: str) -> pl.DataFrame:
 
 def _survival(data: ReportData) -> Iterator[dict[str, Any]]:
     """Share of tracks that live longer than a number of frames that their tracker saw."""
-    table = of_scalar(data["lifetimes"], data["intervals"], "survival").sort("lifetime")
+    table = data.with_bounds_of(data["lifetimes"], "survival").sort("lifetime")
     values = table.select(*_CONDITION, at="lifetime", n="at_risk", u="survival", u_low="low", u_high="high")
     for key, part in values.group_by(_CONDITION, maintain_order=True):
         yield _curve(_CONDITION, key) | {"survival": _values(part, ["at", "n", "u", "u_low", "u_high"])}

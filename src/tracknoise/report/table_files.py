@@ -12,6 +12,7 @@ from tracknoise.statistics.truth_errors import with_floor
 from tracknoise.tables.run_table import RunTable
 from tracknoise.text import printable
 from tracknoise.topics.catalogue import RUN_TABLES
+from tracknoise.topics.headlines import findings_of
 from tracknoise.words import DASH, MINUS, TIMES
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
@@ -68,7 +69,7 @@ _MADE: tuple[Export, ...] = (
     ),
     Export("findings", "findings, with the ids of their rows of results", lambda data: _findings(data)),
     Export("results", "rows of results that the findings rest on", lambda data: _cited(data)),
-    Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data["intervals"])),
+    Export("intervals", "intervals, for the view shown in the figures", lambda data: data.reference(data.intervals)),
     Export(
         "incidence",
         "causes of track ends, for the view shown in the figures",
@@ -88,12 +89,12 @@ EXPORTS: tuple[Export, ...] = (*_MADE, *(_as_it_is(table) for table in RUN_TABLE
 
 def _findings(data: ReportData) -> pl.DataFrame:
     """The findings without their parts."""
-    return data["findings"].drop("opening", "closing", "parts").with_columns(pl.col("rows").list.join(" "))
+    return findings_of(data.tables).drop("opening", "closing", "parts").with_columns(pl.col("rows").list.join(" "))
 
 
 def _cited(data: ReportData) -> pl.DataFrame:
     """The rows of results whose numbers the findings have, without columns that are empty in all of them."""
-    rows = data.results(data["findings"]["rows"].explode().drop_nulls().unique().to_list())
+    rows = data.results(findings_of(data.tables)["rows"].explode().drop_nulls().unique().to_list())
     used = [name for name in rows.columns if rows[name].null_count() < rows.height]
     return rows.select(used).with_columns(
         cs.by_name("caveats", require_all=False).cast(pl.List(pl.String)).list.join("; ")

@@ -13,6 +13,7 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import TruthCause
+from tracknoise.tables.trust import AssessedTruth
 from tracknoise.topics.bands import Axis
 from tracknoise.truth_faults.audit_summary import audit_sentences, corrections_toml
 from tracknoise.truth_faults.explained import MOVED
@@ -56,7 +57,7 @@ def parameter_cells(audit: pl.DataFrame) -> Cells:
     return Cells(_CAPTION + _resampled(audit), headings, rows, numeric)
 
 
-def cause_cells(trust: pl.DataFrame) -> Cells:
+def cause_cells(truth: AssessedTruth) -> Cells:
     """What the verdict rests on: shares of the squared errors by cause, and what is established."""
     headings = ["cause", "tracker", "explains", "low", "high", "at most (px)", "what is established"]
     rows = [
@@ -67,7 +68,7 @@ def cause_cells(trust: pl.DataFrame) -> Cells:
             DASH if row["bound_px"] is None else pixels(row["bound_px"]),
             row["text"] or "",
         ]
-        for row in trust.filter(pl.col("verdict").is_null()).iter_rows(named=True)
+        for row in truth.causes.iter_rows(named=True)
     ]
     return Cells(_CAUSES, headings, rows, [False, False, True, True, True, True, False])
 
@@ -114,19 +115,19 @@ def verdicts(data: ReportData) -> list[str]:
     change = data.truth_change
     truth = data.truth
     sentences = filter(None, [truth.sentence, truth.stated, change])
-    return [*sentences, *audit_sentences(data["audit"]), *floor]
+    return [*sentences, *audit_sentences(data.audit.audit), *floor]
 
 
 def corrections(data: ReportData) -> str | None:
     """The block of an experiment file that corrects what the audit found; None where it found nothing."""
-    return corrections_toml(data["audit"], data.settings)
+    return corrections_toml(data.audit.audit, data.settings)
 
 
 def tables(data: ReportData) -> list[Cells]:
     """The audit: each parameter alone, and the faults that were found; then what the verdict rests on."""
-    shown = data["audit"].filter(pl.col("family").is_in(_SHOWN))
+    shown = data.audit.audit.filter(pl.col("family").is_in(_SHOWN))
     parameters = [] if shown.is_empty() else [parameter_cells(shown)]
-    causes = cause_cells(data["trust"])
+    causes = cause_cells(data.assessed_truth)
     return [*parameters, causes] if causes.rows else parameters
 
 

@@ -8,7 +8,6 @@ asks for, with two exceptions. Shape, and what is fitted to growth, have `bca` i
 """
 
 from collections.abc import Mapping
-from enum import StrEnum
 
 import polars as pl
 
@@ -21,8 +20,6 @@ from tracknoise.tables.enumerations import (
     Lookup,
     Population,
     Shape,
-    Trust,
-    TruthCause,
     Weighting,
 )
 from tracknoise.tables.run_table import (
@@ -528,56 +525,6 @@ brief is the finding in one sentence; empty where it has none. `figure` is the a
 """
 
 
-class AuditVerdict(StrEnum):
-    """What an audit says about a parameter of the truth.
-
-    fault: the truth is wrong in it. explained: it looked wrong, but not established once the named faults are
-    corrected. like_bias: what it explains cannot be distinguished from a bias of the trackers. disagreement: trackers
-    contradict each other. small: another value fits better, but explains next to nothing. none: no fault.
-    undetermined: its interval is too wide for an answer, or what it explains is not established. not_tried: it is right
-    by construction.
-    """
-
-    fault = "fault"
-    explained = "explained"
-    like_bias = "like_bias"
-    disagreement = "disagreement"
-    small = "small"
-    none = "none"
-    undetermined = "undetermined"
-    not_tried = "not_tried"
-
-
-MEASURED, EVERYTHING = "measured", "all"
-"""Corrections in `AUDIT_CURVES` besides the names of parameters: none, and all of them."""
-
-TRUST = RunTable(
-    "trust",
-    {
-        "dataset": pl.String,
-        "cause": pl.Enum(TruthCause),
-        "tracker": pl.String,
-        "verdict": pl.Enum(Trust),
-        "share": pl.Float64,
-        "low": pl.Float64,
-        "high": pl.Float64,
-        "age": pl.Int64,
-        "error_px": pl.Float64,
-        "bound_px": pl.Float64,
-        "text": pl.String,
-        "step": pl.String,
-    },
-    title="verdict on the truth, and what it can explain",
-)
-"""The verdict on the truth, and how much of the errors it can explain.
-
-The first row has the verdict, its sentence, and the step that would help most. The others have shares of the squared
-errors up to the reference age: of each tracker by all causes together (`every`), and by single causes. Faults that are
-established have no tracker: they are fitted to all together. high is the upper bound. error_px is the core of both
-coordinates of the tracker at `age`, or its RMS where there was no audit, and bound_px how much of it the truth can
-explain at most.
-"""
-
 CAMERAS: Schema = {
     **SEQUENCE,
     "frame": pl.UInt32,
@@ -623,63 +570,6 @@ DEPTH_REPEATS: Schema = {**SEQUENCE, "depth_m": pl.Float64, "relative_sd": pl.Fl
 """Standard deviation of single depths, relative to them, at a few depths: `tracknoise.truth_faults.depth_repeats`.
 
 It has no rows where depth is not that of a map, or too few points are in two maps.
-"""
-
-AUDIT = RunTable(
-    "audit",
-    {
-        "dataset": pl.String,
-        "rank": pl.Int32,
-        **dict.fromkeys(("family", "parameter", "component", "unit"), pl.String),
-        **dict.fromkeys(("stated", "value", "low", "high", "in_frames", "level"), pl.Float64),
-        "resampled": RESAMPLED,
-        "n_units": pl.Int32,
-        "n_scenes": pl.Int32,
-        "n": pl.Int64,
-        **dict.fromkeys(("p", "gain", "gain_low", "gain_high"), pl.Float64),
-        **dict.fromkeys(("second_moment_share", "condition", "correlation"), pl.Float64),
-        "correlated_with": pl.String,
-        "visible_above": pl.Float64,
-        "verdict": pl.Enum(AuditVerdict),
-        "text": pl.String,
-    },
-)
-"""One row per number of every fit: its corrected value beside the stated one, and what the correction explains.
-
-`family` is one of `tracknoise.truth_faults.fault_parameters.Family`. Rows of the family `alone` have the verdict on the
-parameter, its sentence, and `visible_above`: 90 % of the errors of this size would have been named; null where none
-would. What was not tried has no numbers. rank numbers the named faults from 1. p is adjusted for all parameters by
-Holm's method in the families `alone` and `beside_bias`. gain is the share of the second moment in scaled units,
-outliers cut, that the correction removes from held-out units; in the family `beside_bias` beyond what biases of the
-trackers remove. second_moment_share is the share of the second moment in px^2 that it removes, outliers left out.
-condition is the condition number of the fit. correlation is the largest one of the number in this fit, and
-`correlated_with` the other number. in_frames is the value of times in frame intervals, as they are fitted. `moved`
-in the family `at_most` is (truth.moved), null where that has no bound.
-
-A run that could not be audited has one row, with the reason in its text.
-"""
-
-AUDIT_CURVES = RunTable(
-    "audit_curves",
-    {
-        "dataset": pl.String,
-        "tracker": pl.String,
-        "correction": pl.String,
-        "age": pl.UInt32,
-        "n": pl.Int64,
-        **dict.fromkeys(("mean_u_px", "mean_v_px"), pl.Float64),
-        **dict.fromkeys(("second_uu", "second_vv"), pl.Float64),
-        **dict.fromkeys(("core_u_px", "core_v_px", "near_px"), pl.Float64),
-    },
-)
-"""Errors of the audited observations by age: as `measured`, with each named fault corrected, and with `all` of them.
-
-A fault is corrected together with those that were named before it.
-
-A correction is applied to units that took no part in its fit. Outliers are left out of all columns, the same ones for
-every correction: errors that are longer, after all corrections, than five times the median length of their tracker
-and age. core is 1.4826 times the median absolute error. near_px is the RMS length of those up to three robust scales,
-which shares that are explained are of.
 """
 
 STATISTICS_TABLES = (CURVES, CORES, FLOOR, LIFETIMES, OUTLIERS, TRIMS, ERRORS, COUNTS, SUMMARY, EFFECTS)

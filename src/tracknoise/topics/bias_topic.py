@@ -11,6 +11,7 @@ from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.scene_values import SIGNED
 from tracknoise.analysis.zero_mean import ZERO_MEAN, verdict_at, zero_mean
 from tracknoise.inference.estimates import Estimate
+from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trimming, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.topics.answer_summary import Measure, Number
@@ -25,10 +26,11 @@ from tracknoise.topics.headline import (
     curve_scenes,
 )
 from tracknoise.topics.measures import Subject, answer, card_number, first, trimmed_word, with_interval
+from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, each_axis, joined
-from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
+from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
 from tracknoise.topics.withheld import audited_bias, bias_covers, covered_coordinates, withheld_bias
-from tracknoise.words import chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
+from tracknoise.words import DASH, chance, count, format_estimate, intervals_at, listing, percent, px, sentence_case
 
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -53,13 +55,12 @@ def _closing(rows: pl.DataFrame) -> str:
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    rows = conditions.of(tables["zero_mean"], tracker).filter(trimming=conditions.trimmings[0], axis=conditions.axis)
-    overall, summary = first(rows.filter(pl.col("at").is_null())), first(conditions.of(tables["summary"], tracker))
+    overall, summary = _test(tables, conditions, tracker, None), first(conditions.of(tables["summary"], tracker))
     if overall is None:
         return None
     verdict = Estimate.verdict(overall, "effect_px")
     mean = f"the mean {trimmed_word(conditions)}error of {tracker}"
-    row = None if summary is None or summary["at"] is None else first(rows.filter(at=summary["at"]))
+    row = None if summary is None or summary["at"] is None else _test(tables, conditions, tracker, summary["at"])
     if row is None or summary is None:
         return Part(_at_all_ages(mean, overall), [verdict])
     covers = bias_covers(summary, row)
@@ -71,7 +72,7 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     length = [] if row["effect_low_px"] is None else [_length(row)]
     sentences = _at_one_age(mean, conditions, row, length, means)
     sentences += [_wider_claim(conditions, row, overall)]
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     sentences += [curve_scenes(intervals, conditions, "mean", row["at"], "u", weighting=Weighting.scenes, of="In u")]
     if row["share_of_second"] is not None:
         share = percent(row["share_of_second"])
@@ -80,6 +81,34 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     untrimmed = _untrimmed_means(tables, conditions, tracker, row["at"])
     sentences += _in_each(untrimmed, "Without trimming, the mean in u is")
     return Part(joined(sentences), [*length, *means, *untrimmed, verdict])
+
+
+def _test(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, at: int | None, trimming: Trimming | None = None
+) -> dict[str, Any] | None:
+    """The test at an age or frame, or of all together; by default of the errors that verdicts are about."""
+    rows = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").eq_missing(at), axis=conditions.axis)
+    return first(rows.filter(trimming=trimming or conditions.trimming))
+
+
+def verdict_on_bias(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, at: int | None, trimming: Trimming
+) -> Verdict | None:
+    """Whether the mean error is not zero at an age or frame alone, or at all together; None without a test."""
+    row = _test(tables, conditions, tracker, at, trimming)
+    return None if row is None else Verdict(row["verdict"]) if at is None else verdict_at(row)
+
+
+def has_bias(data: RunData, tracker: str) -> bool:
+    """Whether the mean error is shown not to be zero at any age or frame."""
+    tests = data.nominal(data["zero_mean"]).filter(pl.col("at").is_null(), tracker=tracker, trimming=data.trimming)
+    return Verdict.yes in tests["verdict"]
+
+
+def mean_errors(data: RunData) -> pl.DataFrame:
+    """Mean errors by age or frame, in which scenes weigh equally: columns `POOLED`, at, mean_u_px and mean_v_px."""
+    tests = data["zero_mean"].filter(pl.col("at").is_not_null(), trimming=data.trimming, axis=data.axis.name)
+    return tests.select(*POOLED, "at", "mean_u_px", "mean_v_px")
 
 
 def _in_each(means: Sequence[Estimate], opening: str = "In u the mean is") -> list[str]:
@@ -91,8 +120,7 @@ def _untrimmed_means(tables: RunTables, conditions: ReportedConditions, tracker:
     """Mean errors of all tracks, where the verdict is about those that trimming kept."""
     if conditions.percentile is None or conditions.trimming == Trimming.untrimmed:
         return []
-    rows = conditions.of(tables["zero_mean"], tracker)
-    row = first(rows.filter(trimming=Trimming.untrimmed, axis=conditions.axis, at=at))
+    row = _test(tables, conditions, tracker, at, Trimming.untrimmed)
     return [] if row is None else _means(tables, conditions, tracker, row, Trimming.untrimmed)
 
 
@@ -146,7 +174,7 @@ def _means(
 ) -> list[Estimate]:
     """Mean errors in u and in v: with the bounds of the test, or where there is none those of these scenes."""
     means = []
-    intervals, scenes = conditions.of(tables["intervals"], tracker), Weighting.scenes
+    intervals, scenes = conditions.intervals(tables, tracker), Weighting.scenes
     for coordinate in "uv":
         name = f"mean_{coordinate}"
         value = row[f"{name}_px"]
@@ -160,8 +188,7 @@ def _means(
 
 def bias_measure(subject: Subject) -> Measure | None:
     """Length of the mean error at the reference age, and whether it is zero there, u and v together."""
-    rows = subject.of("zero_mean").filter(trimming=subject.conditions.trimming, axis=subject.conditions.axis)
-    overall, row = (first(rows.filter(at)) for at in (pl.col("at").is_null(), pl.col("at").eq_missing(subject.at)))
+    overall, row = (_test(subject.data.tables, subject.conditions, subject.tracker, at) for at in (None, subject.at))
     if overall is None or row is None or subject.at is None or subject.row is None or row["effect_px"] is None:
         return None
     shown = card_number(_length(row))
@@ -180,12 +207,30 @@ def bias_measure(subject: Subject) -> Measure | None:
     return Measure("bias", "px", shown, 0.0, answered, "; ".join(notes), sentence, "error-by-tracker")
 
 
+_ZERO = {Verdict.yes: "no", Verdict.no: "yes", Verdict.undecided: "undecided"}
+"""Whether the mean error is zero, by the verdict on whether it differs from zero."""
+
+
+def zero_columns(data: RunData) -> list[Column]:
+    """The verdict at the reference age alone."""
+    note = f"Whether the mean is zero: at this {data.axis.name} alone, u and v together."
+    return [Column("is zero?", _zero_cell, "mean", note)]
+
+
+def _zero_cell(subject: Subject) -> str:
+    row = _test(subject.data.tables, subject.conditions, subject.tracker, subject.at)
+    if subject.at is None or row is None:
+        return DASH
+    p = row["sign_flip_p"]
+    return _ZERO[verdict_at(row)] + ("" if p is None else f" ({chance(p)})")
+
+
 def _is_covered(subject: Subject, row: Mapping[str, Any]) -> bool:
     """Whether errors of the truth can cause the mean error at the reference age."""
     conditions, tracker, at = subject.conditions, subject.tracker, row["at"]
     covers = bias_covers(subject.row or {}, row)
-    curves = {"audit_curves": subject.data["audit_curves"]}
-    return (withheld_bias(tracker, "", covers) or audited_bias(curves, conditions, tracker, at)) is not None
+    tables = subject.data.tables
+    return (withheld_bias(tracker, "", covers) or audited_bias(tables, conditions, tracker, at)) is not None
 
 
 def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> str:
@@ -233,6 +278,7 @@ BIAS = Topic(
     (Analysis((ZERO_MEAN,), _zero_means, needs=(CURVES,), if_fitted=NO_ROWS),),
     headline=bias,
     measure=bias_measure,
+    columns=zero_columns,
     rows_of_card=("bias",),
     compared=(
         Estimand(

@@ -7,7 +7,7 @@ import polars as pl
 
 from tracknoise.analysis.estimand import Estimand
 from tracknoise.estimators.run_models import ADVICE
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, FINDINGS, STATISTICS_TABLES, TRUST
+from tracknoise.tables.findings_schema import FINDINGS, STATISTICS_TABLES
 from tracknoise.tables.quantities import QUANTITIES, Quantity
 from tracknoise.tables.result_rows import results_of
 from tracknoise.tables.results import beside_untrusted_truth
@@ -34,6 +34,7 @@ from tracknoise.topics.truth_topic import (
     ERRORS_OF_POSES,
     NOISE_OF_FIT,
     POSITIONS_OF_TRACKS,
+    TRUTH_ANALYSES,
     VERDICT_ON_TRUTH,
 )
 from tracknoise.topics.window_topic import DEPTH_NOISE, ESTIMATOR
@@ -72,13 +73,12 @@ ESTIMANDS: Mapping[str, Estimand] = {
 }
 """What runs are compared by, in the order in which it is reported."""
 CURVES_OF_TOPICS: tuple[Curve, ...] = tuple(curve for topic in TOPICS for curve in topic.curves)
-ANALYSES: tuple[Analysis, ...] = tuple(analysis for topic in TOPICS for analysis in topic.analyses)
+_OF_TOPICS: tuple[Analysis, ...] = tuple(analysis for topic in TOPICS for analysis in topic.analyses)
+ANALYSES = (*_OF_TOPICS, *TRUTH_ANALYSES)
 FINDINGS_TABLES = (
-    *(table for analysis in ANALYSES for table in analysis.tables),
+    *(table for analysis in _OF_TOPICS for table in analysis.tables),
     ADVICE,
-    AUDIT,
-    AUDIT_CURVES,
-    TRUST,
+    *(table for analysis in TRUTH_ANALYSES for table in analysis.tables),
     FINDINGS,
 )
 """Tables of a run that are made of others. They are empty where these analyses were not made."""

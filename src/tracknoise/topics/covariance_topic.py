@@ -11,8 +11,7 @@ from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trust, Verdict
-from tracknoise.tables.findings_schema import TRUST
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.trust import TRUST, AssessedTruth
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
@@ -30,7 +29,7 @@ def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline |
     """Of every tracker that predicts covariances, whether they are right, and what would make them right."""
     rows = conditions.reported(tables["own_covariances"]).filter(pl.col("at").is_null(), trimming=conditions.trimming)
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
-    most = "" if TruthVerdict.of(tables["trust"]).verdict is Trust.trusted else "at most "
+    most = "" if AssessedTruth.of(tables).verdict.verdict is Trust.trusted else "at most "
     return by_tracker(
         conditions.trackers,
         lambda tracker: _part(conditions.of(rows, tracker), tracker, most),

@@ -145,10 +145,15 @@ _SECTION = "factor-effects"
 _QUESTION = "shown"
 
 
+def comparisons(data: RunData, factor: str, role: str) -> pl.DataFrame:
+    """Comparisons of several levels of a factor by one statistic: schema `DEPENDENCE`."""
+    names = [name for name, of in ROLES.items() if of == role]
+    return data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
+
+
 def compared(data: RunData, role: str) -> dict[str, Any] | None:
     """Row of the comparison of trackers at the lowest speed by one statistic; None where there is none."""
-    names = [name for name, of in ROLES.items() if of == role]
-    rows = data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor="tracker")
+    rows = comparisons(data, "tracker", role)
     rows = rows.filter(pl.col("speed").is_null() | (pl.col("speed") == data.slowest))
     return rows.row(0, named=True) if rows.height else None
 

@@ -1,7 +1,8 @@
 """How errors grow with age, as far as the truth lets it be known."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -30,9 +31,9 @@ from tracknoise.topics.measures import (
 )
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, joined
-from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
+from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
 from tracknoise.topics.withheld import audited_rise, growth_cover, withheld_growth
-from tracknoise.words import count, coverage_sentence, format_estimate, listing, ratio, sentence_case
+from tracknoise.words import DASH, count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
     "white_px_geometric": ("constant part", "px"),
@@ -89,6 +90,14 @@ def _growth_of(tables: RunTables, conditions: ReportedConditions, tracker: str, 
         estimates += row_estimates
     estimates += [Estimate.verdict(row, "growth") for row in rows.sort("coordinate").to_dicts()]
     return Part(" ".join(sentences), estimates) if sentences else None
+
+
+def behaviour_of(
+    tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, trimming: Trimming
+) -> str | None:
+    """How the error of a coordinate grows, in a word; None where no model was fitted."""
+    row = first(conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate, trimming=trimming))
+    return None if row is None else str(row["verdict"])
 
 
 def _grown(row: Mapping[str, Any], ages: str) -> tuple[str, list[Estimate]]:
@@ -166,9 +175,7 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
     verdict = _grows(row)
     if verdict != Verdict.yes or at is None:
         return verdict
-    names = ("curves", "floor", "audit_curves", "summary")
-    tables = {name: data[name] for name in names}
-    where = tables, conditions, row["tracker"], row["coordinate"], at
+    where = data.tables, conditions, row["tracker"], row["coordinate"], at
     cover = growth_cover(*where)
     is_covered = (cover is not None and cover.is_covered) or audited_rise(*where) is not None
     return Verdict.undecided if is_covered else Verdict.yes
@@ -207,15 +214,14 @@ _HOW: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no mode
 
 def growth_measure(subject: Subject) -> Measure | None:
     """RMS at the reference age over that at the first, in the coordinate of the run, and how errors grow."""
-    rows = subject.of("time_structure").filter(trimming=subject.conditions.trimming).sort("coordinate").to_dicts()
-    axis = shown_size(subject.data)[1]
-    row = next((fit for fit in rows if fit["coordinate"] == axis), None)
+    rows, axis = _fits_of(subject), shown_size(subject.data)[1]
+    row = rows.get(axis)
     factor = None if row is None else growth_ratio(row)
     if row is None or factor is None:
         return None
     verdict = growth_verdict(subject.data, subject.conditions, row, subject.at)
     shown, errors = card_number(replace(factor, unit="times")), f"errors of {subject.tracker}"
-    note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows)}"
+    note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows.values())}"
     change = f"their RMS in {axis} becomes {with_interval(shown)} as large"
     sentence = {
         Verdict.yes: f"{sentence_case(errors)} grow with age; their RMS in {axis} grows {with_interval(shown)}.",
@@ -226,6 +232,18 @@ def growth_measure(subject: Subject) -> Measure | None:
     return Measure("growth", "times", shown, _NO_GROWTH, answered, note, sentence, "time-structure")
 
 
+def _fits_of(subject: Subject) -> dict[str, dict[str, Any]]:
+    """Rows of `TIME_STRUCTURE` by coordinate."""
+    rows = subject.of("time_structure").filter(trimming=subject.conditions.trimming).sort("coordinate")
+    return {row["coordinate"]: row for row in rows.to_dicts()}
+
+
+def _growth_cell(subject: Subject, coordinate: str) -> str:
+    row = _fits_of(subject).get(coordinate)
+    factor = None if row is None else growth_ratio(row)
+    return DASH if row is None or factor is None else f"{format_estimate(factor)} times; {_kind_of_growth(row)}"
+
+
 def _from_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
     """The ages that are compared, in a few words."""
     first, last = row["growth_from"], row["growth_to"]
@@ -234,7 +252,7 @@ def _from_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
     return f"from {first} to {count(last, 'frame')} from the key frame"
 
 
-def kind_of_growth(row: Mapping[str, Any]) -> str:
+def _kind_of_growth(row: Mapping[str, Any]) -> str:
     """How errors grow, in a few words. `row`: of `TIME_STRUCTURE`."""
     if row["verdict"] == Behaviour.undecided:
         return "how is open" if _grows(row) == Verdict.yes else "undecided"
@@ -247,10 +265,10 @@ def _up_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
     return f"up to age {last}" if conditions.axis == Axis.age else f"within {count(last, 'frame')}"
 
 
-def _kinds(rows: list[dict[str, Any]]) -> str:
+def _kinds(rows: Iterable[Mapping[str, Any]]) -> str:
     axes_of_kind: dict[str, list[str]] = {}
     for row in rows:
-        axes_of_kind.setdefault(kind_of_growth(row), []).append(row["coordinate"])
+        axes_of_kind.setdefault(_kind_of_growth(row), []).append(row["coordinate"])
     if len(axes_of_kind) == 1:
         return next(iter(axes_of_kind))
     return ", ".join(f"{kind} in {listing(axes)}" for kind, axes in axes_of_kind.items())
@@ -289,6 +307,7 @@ GROWTH = Topic(
     ),
     headline=growth,
     measure=growth_measure,
+    columns=lambda _: [Column(f"in {axis}", partial(_growth_cell, coordinate=axis), "growth") for axis in "uv"],
     rows_of_card=("growth",),
     compared=(
         Estimand(

@@ -49,6 +49,7 @@ class Part(NamedTuple):
     brief: str = ""
 
 
+_NUMBERS = "intervals"
 MOST_TRACKERS = 4
 """Of more trackers than this the headlines name only the first."""
 
@@ -66,7 +67,7 @@ class Headline:
     figure
         Anchor of the section of the report that shows it.
     table
-        Table that holds its numbers.
+        Table that holds its numbers; by default that of the intervals of all numbers.
     estimate
         The first of its numbers that has an interval; the first of all where none has; None where it has no number.
     brief
@@ -78,7 +79,7 @@ class Headline:
     topic: str
     text: str
     figure: str
-    table: str
+    table: str = _NUMBERS
     estimate: Estimate | None = None
     brief: str = ""
     opening: str = ""
@@ -125,7 +126,7 @@ def by_tracker(
     closing: str = "",
     topic: str,
     figure: str,
-    table: str,
+    table: str = _NUMBERS,
 ) -> Headline | None:
     """A headline with a part for each tracker; None where there is no part."""
     described = {tracker: part for tracker in trackers if (part := describe(tracker))}
@@ -177,6 +178,11 @@ def in_brackets(rows: pl.DataFrame) -> str:
     return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
 
 
+def intervals_of(tables: RunTables) -> pl.DataFrame:
+    """Intervals of all numbers of a run: schema `INTERVALS`."""
+    return tables[_NUMBERS]
+
+
 @dataclass(frozen=True, slots=True)
 class ReportedConditions:
     """The conditions that headlines are about: every tracker in the reference view at the lowest speed.
@@ -223,6 +229,11 @@ class ReportedConditions:
         """Rows of a tracker's condition."""
         chosen = {name: getattr(self.reference, name) for name in (*VIEW, "speed")}
         return table.filter(tracker=tracker, **chosen)
+
+    def intervals(self, tables: RunTables, *trackers: str) -> pl.DataFrame:
+        """Intervals of all numbers of the conditions of trackers; by default of all that are reported."""
+        rows = intervals_of(tables)
+        return pl.concat([rows.clear(), *(self.of(rows, tracker) for tracker in trackers or self.trackers)])
 
     def reported(self, table: pl.DataFrame) -> pl.DataFrame:
         """Rows of the conditions of all trackers that are reported."""

@@ -2,21 +2,25 @@
 
 import json
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import polars as pl
 
+from tracknoise.exceptions import StoreError
 from tracknoise.tables.findings_schema import FINDINGS
+from tracknoise.tables.run_table import RunTable
 from tracknoise.tables.schema import check
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
 from tracknoise.topics.catalogue import RUN_TABLES, TOPICS
 from tracknoise.topics.headline import ReportedConditions, RunTables
 from tracknoise.topics.topic import Basis
 
 
-def basis_of(trust: pl.DataFrame, *, is_fitted: bool) -> Basis:
+def basis_of(truth: TruthVerdict, *, is_fitted: bool) -> Basis:
     """What the errors of a run are about. `is_fitted`: whether positions are fitted to the tracks."""
-    return Basis.none if TruthVerdict.of(trust).are_tracks_wrong else Basis.fitted if is_fitted else Basis.truth
+    return Basis.none if truth.are_tracks_wrong else Basis.fitted if is_fitted else Basis.truth
 
 
 def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.DataFrame:
@@ -35,11 +39,40 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
         Schema `FINDINGS`. value, low and high are those of the first number in the text that has an interval.
         `figure` names a section of the report; `table` the table that holds the numbers.
     """
-    basis = basis_of(tables["trust"], is_fitted=conditions.fitted)
+    basis = basis_of(AssessedTruth.of(tables).verdict, is_fitted=conditions.fitted)
     makes = [topic.headline for topic in TOPICS if topic.headline is not None and basis in topic.holds]
     headlines = [headline for make in makes if (headline := make(tables, conditions))]
     rows = [headline.row(rank) for rank, headline in enumerate(headlines, start=1)]
-    return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, "findings")
+    return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, FINDINGS.name)
+
+
+def with_findings(
+    tables: Mapping[RunTable, pl.DataFrame], cited: RunTables, conditions: ReportedConditions
+) -> dict[RunTable, pl.DataFrame]:
+    """Tables of a run with its findings. `cited`: those that sentences have numbers of, with the ids of their rows."""
+    named = {table.name: rows for table, rows in tables.items()}
+    return {**tables, FINDINGS: headline_table({**named, **cited}, conditions)}
+
+
+def findings_of(tables: RunTables, *topics: str) -> pl.DataFrame:
+    """Findings of a run about some topics, or all, the most important first: schema `FINDINGS`."""
+    findings = tables[FINDINGS.name].sort("rank")
+    return findings.filter(pl.col("topic").is_in(topics)) if topics else findings
+
+
+def read_findings(run: RunFolder) -> pl.DataFrame:
+    """All findings of a run folder, the most important first.
+
+    Raises
+    ------
+    StoreError
+        If the run has no findings, because an earlier version made it.
+    """
+    findings = findings_of({FINDINGS.name: run.statistics(FINDINGS)})
+    if findings.is_empty():
+        expected = "those of a finished run; `tracknoise run` computes them"
+        raise StoreError(f"{run.path}: holds no findings, expected {expected}")
+    return findings
 
 
 FORMAT = 1

@@ -14,7 +14,7 @@ from tracknoise.tables.enumerations import Verdict
 from tracknoise.topics.answer_summary import Answer, Number
 from tracknoise.topics.headline import ReportedConditions
 from tracknoise.topics.run_data import RunData
-from tracknoise.words import bounds_text, format_estimate, sentence_case
+from tracknoise.words import DASH, SPACE, bounds_text, format_estimate, sentence_case
 
 
 def first(rows: pl.DataFrame) -> dict[str, Any] | None:
@@ -33,7 +33,7 @@ POOLED_WORDS = "features pooled over scenes"
 
 @dataclass(frozen=True)
 class Subject:
-    """A tracker of a run at the lowest speed.
+    """A tracker of a run at one speed.
 
     Attributes
     ----------
@@ -41,15 +41,18 @@ class Subject:
         The run.
     tracker
         Its name.
+    speed
+        None for the lowest.
     """
 
     data: RunData
     tracker: str
+    speed: int | None = None
 
     @cached_property
     def conditions(self) -> ReportedConditions:
         """Which condition."""
-        return reported_conditions(self.data, self.data.slowest)
+        return reported_conditions(self.data, self.data.slowest if self.speed is None else self.speed)
 
     @cached_property
     def row(self) -> dict[str, Any] | None:
@@ -59,7 +62,7 @@ class Subject:
     @cached_property
     def intervals(self) -> pl.DataFrame:
         """Intervals of the condition."""
-        return self.of("intervals")
+        return self.conditions.intervals(self.data.tables, self.tracker)
 
     @property
     def limits(self) -> str:
@@ -133,6 +136,11 @@ def _finite(value: float | None) -> float | None:
 def short(estimate: Estimate | None) -> str:
     """An estimate as part of a short sentence."""
     return with_interval(card_number(estimate))
+
+
+def estimate_cell(estimate: Estimate) -> str:
+    """An estimate as a cell of a table whose heading says which numbers are in px."""
+    return DASH if estimate.value is None else format_estimate(estimate).replace(f"{SPACE}px", "")
 
 
 def with_interval(found: Number) -> str:

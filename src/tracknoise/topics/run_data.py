@@ -15,8 +15,10 @@ from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.manifest import Manifest, SequenceEntry
 from tracknoise.tables.schema import VIEW
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import TruthVerdict
-from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, with_bounds
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
+from tracknoise.tables.truth_audit import AuditTables
+from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, of_scalar, with_bounds
+from tracknoise.topics.headline import intervals_of
 from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import view_text
 
@@ -52,14 +54,33 @@ class RunData:
         return replace(self, tables={**self.tables, **tables})
 
     @cached_property
+    def assessed_truth(self) -> AssessedTruth:
+        """The verdict on the truth, and what it rests on."""
+        return AssessedTruth.of(self.tables)
+
+    @cached_property
     def truth(self) -> TruthVerdict:
         """The verdict on the truth."""
-        return TruthVerdict.of(self["trust"])
+        return self.assessed_truth.verdict
+
+    @cached_property
+    def audit(self) -> AuditTables:
+        """What the audit of the truth says."""
+        return AuditTables.of(self.tables)
+
+    @property
+    def intervals(self) -> pl.DataFrame:
+        """Intervals of all numbers."""
+        return intervals_of(self.tables)
+
+    def with_bounds_of(self, table: pl.DataFrame, statistic: str) -> pl.DataFrame:
+        """A table of conditions with the bounds of one number of each (`tracknoise.topics.bands.of_scalar`)."""
+        return of_scalar(table, self.intervals, statistic)
 
     @property
     def truth_change(self) -> str | None:
         """What the run changed in the verdict of a check, and why; None where it knows of no check."""
-        return truth_change(self.run, self["trust"])
+        return truth_change(self.run, self.assessed_truth)
 
     @property
     def name(self) -> str:
@@ -174,7 +195,7 @@ class RunData:
 
     def _rooted(self, curves: pl.DataFrame, roles: Mapping[str, str]) -> pl.DataFrame:
         """Curves with bounds and roles, px."""
-        table = with_floor(with_bounds(curves, self["intervals"]), self["floor"]).with_columns(
+        table = with_floor(with_bounds(curves, self.intervals), self["floor"]).with_columns(
             role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
         )
         moments = pl.col("role").is_in(["second", "central"])

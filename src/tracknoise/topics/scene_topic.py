@@ -11,7 +11,7 @@ from tracknoise.tables.enumerations import Verdict
 from tracknoise.tables.results import ENOUGH_SCENES
 from tracknoise.text import counted, counted_of
 from tracknoise.topics.answer_summary import Judgement
-from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
+from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, intervals_of
 from tracknoise.topics.measures import answer
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import joined
@@ -53,7 +53,7 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     scenes = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
     of_all = f"Every condition has only {scenes}."
     opening = of_all if few.height == measured.height else f"{affected} few scenes. That is only {scenes}."
-    text = f"{opening} {_limits(numbers[0], tables['intervals'])}"
+    text = f"{opening} {_limits(numbers[0], intervals_of(tables))}"
     brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
     return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
 
@@ -74,7 +74,7 @@ def _limits(fewest: int, intervals: pl.DataFrame) -> str:
 
 def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Say how many groups the scenes come in, and what is resampled."""
-    resampled = tables["intervals"].filter(pl.col("resampled").is_in([Resampled.groups, Resampled.within]))
+    resampled = intervals_of(tables).filter(pl.col("resampled").is_in([Resampled.groups, Resampled.within]))
     if resampled.is_empty():
         return None
     names = conditions.groups.names
@@ -87,7 +87,7 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     else:
         brief = f"{opening}; intervals allow for it."
         text = f"{opening}. Intervals resample whole groups."
-    return Headline("groups", text, "measured", "intervals", Estimate(len(groups), unit="groups"), brief=brief)
+    return Headline("groups", text, "measured", estimate=Estimate(len(groups), unit="groups"), brief=brief)
 
 
 _HOLD: dict[str, tuple[str, Verdict]] = {
@@ -120,7 +120,7 @@ def holds(data: RunData) -> str:
 
 def _interval_kind(data: RunData) -> dict[str, Any] | None:
     """Level, resampled and n_scenes of most intervals at the lowest speed; None where there are none."""
-    intervals = data.nominal(data["intervals"]).drop_nulls(["level", "resampled", "n_scenes"])
+    intervals = data.nominal(data.intervals).drop_nulls(["level", "resampled", "n_scenes"])
     kinds = intervals.group_by("resampled", "level").agg(pl.len(), pl.col("n_scenes").max())
     return kinds.sort("len", "resampled", "level").row(-1, named=True) if kinds.height else None
 

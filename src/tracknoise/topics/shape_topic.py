@@ -1,6 +1,7 @@
 """Whether errors are Gaussian."""
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
@@ -13,10 +14,11 @@ from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.topics.measures import Subject, answer, card_number, first, with_interval
+from tracknoise.topics.measures import Subject, answer, card_number, first, reported_conditions, with_interval
+from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import reasons
-from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
-from tracknoise.words import SHAPES, SPACE, format_estimate, number, percent, sentence_case
+from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
+from tracknoise.words import DASH, SHAPES, SPACE, format_estimate, number, percent, sentence_case
 
 _MEANINGS = {Shape.contaminated: " (as if some came from a wider Gaussian)"}
 """What is added to the name of a shape that says little by itself."""
@@ -57,6 +59,18 @@ def _shape_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     return Part(" ".join(sentences), estimates)
 
 
+def why_no_shape(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
+    """Reasons why the shape in bands of ages is not known, each once."""
+    rows = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
+    return rows["why"].drop_nulls().unique(maintain_order=True).to_list()
+
+
+def shapes_of(data: RunData, tracker: str) -> list[Shape]:
+    """Shapes in all bands of ages at the lowest speed."""
+    rows = data.nominal(data["gaussianity"]).filter(tracker=tracker, trimming=data.trimming)
+    return [Shape(shape) for shape in rows["verdict"]]
+
+
 def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
     """A gain in nats per error; empty where it is unknown."""
     if row[f"gain_{name}_nats"] is None:
@@ -93,10 +107,8 @@ _HEAVY = (Shape.heavy_tailed, Shape.contaminated)
 
 def shape_measure(subject: Subject) -> Measure | None:
     """Kurtosis within scenes at ages around the reference age, and whether tails are heavier than a Gaussian's."""
-    rows = subject.of("gaussianity").filter(trimming=subject.conditions.trimming).sort("age_low")
-    since = 1 if subject.at is None else abs(subject.conditions.since(subject.at))
-    holding = rows.filter(pl.col("age_low") <= since, pl.col("age_high").fill_null(since) >= since)
-    row = first(holding) or first(rows)
+    trimming = subject.conditions.trimming
+    row = _at_reference(subject, trimming) or first(_bands(subject, trimming))
     if row is None:
         return None
     pooled = row["kurtosis_within"] is None
@@ -108,6 +120,31 @@ def shape_measure(subject: Subject) -> Measure | None:
     ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
     note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
     return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, answered, note, sentence, "gaussianity")
+
+
+def _bands(subject: Subject, trimming: str) -> pl.DataFrame:
+    return subject.of("gaussianity").filter(trimming=trimming).sort("age_low")
+
+
+def _at_reference(subject: Subject, trimming: str) -> dict[str, Any] | None:
+    """The band of ages that holds the reference age."""
+    since = 1 if subject.at is None else abs(subject.conditions.since(subject.at))
+    holds = pl.col("age_low") <= since, pl.col("age_high").fill_null(since) >= since
+    return first(_bands(subject, trimming).filter(*holds))
+
+
+def shape_columns(data: RunData) -> list[Column]:
+    """Verdicts around the reference age, one for each trimming."""
+    trimmings = reported_conditions(data, data.slowest).trimmings
+    return [
+        Column("errors" if data.percentile is None else trimming, partial(_shape_cell, trimming=trimming), "Gaussian?")
+        for trimming in trimmings
+    ]
+
+
+def _shape_cell(subject: Subject, trimming: str) -> str:
+    row = _at_reference(subject, trimming)
+    return DASH if row is None else str(row["verdict"])
 
 
 def _far_share(subject: Subject) -> str:
@@ -138,6 +175,7 @@ SHAPE = Topic(
     (Analysis((GAUSSIANITY, RADII), _shapes_of, if_fitted=NO_ROWS),),
     headline=shape,
     measure=shape_measure,
+    columns=shape_columns,
     rows_of_card=("tails",),
     compared=(
         Estimand(

@@ -1,13 +1,13 @@
 """How large errors are: the core, the root mean square, how many lie far out, and those of tracks that live long."""
 
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
 from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues
-from tracknoise.analysis.paired_tests import Family
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -27,18 +27,22 @@ from tracknoise.topics.headline import (
 )
 from tracknoise.topics.measures import (
     POOLED_WORDS,
+    SIZES,
     Subject,
     card_number,
+    estimate_cell,
     first,
     short,
     shown_size,
     trimmed_word,
     with_interval,
 )
+from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import each_axis, joined
-from tracknoise.topics.topic import ABOUT_TRACKS, Topic
+from tracknoise.topics.shape_topic import why_no_shape
+from tracknoise.topics.topic import ABOUT_TRACKS, Column, Topic
 from tracknoise.topics.truth_topic import at_most, fitted_measure
-from tracknoise.words import RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent
+from tracknoise.words import DASH, RMS_OF_SCENE, SPACE, count, format_estimate, listing, percent, rms_of_tracks
 
 _SECTION = "error-by-tracker"
 
@@ -65,7 +69,7 @@ _OVER_SCENES = f" Core and {RMS_OF_SCENE} are geometric means over scenes."
 
 def _is_one_scene(tables: RunTables, conditions: ReportedConditions) -> bool:
     """Whether errors are of one scene: its RMS is that of all tracks, and no typical one, which n features raise."""
-    scenes = conditions.reported(tables["intervals"]).filter(weighting=Weighting.geometric)["n_scenes"]
+    scenes = conditions.intervals(tables).filter(weighting=Weighting.geometric)["n_scenes"]
     return scenes.drop_nulls().unique().to_list() == [1]
 
 
@@ -73,7 +77,7 @@ def _robust_of(tables: RunTables, conditions: ReportedConditions, tracker: str) 
     row = first(conditions.of(tables["summary"], tracker))
     if row is None or row["at"] is None:
         return None
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     cores, pooled = (
         {axis: size_estimate(row, intervals, conditions, name, axis) for axis in "uv"} for name in ("core", "rms")
     )
@@ -132,8 +136,7 @@ def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
 
 def _grid(tables: RunTables, conditions: ReportedConditions, tracker: str) -> list[str]:
     """A remark where errors lie on a grid, as those of whole or half pixels do."""
-    shapes = conditions.of(tables["gaussianity"], tracker).filter(trimming=conditions.trimming)
-    reasons = shapes["why"].drop_nulls().unique(maintain_order=True).to_list()
+    reasons = why_no_shape(tables, conditions, tracker)
     grids = [reason.partition(":")[0] for reason in reasons if reason.startswith(ON_GRID)]
     return [f"Its {grid}, so that its core takes few values; its RMS says more." for grid in grids[:1]]
 
@@ -152,7 +155,7 @@ def _paper_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -
     row = first(conditions.of(tables["summary"], tracker))
     if row is None or row["at"] is None:
         return None
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     trimmed, untrimmed = (
         [size_estimate(row, intervals, conditions, "rms", axis, trimming) for axis in "uv"]
         for trimming in conditions.trimmings
@@ -178,7 +181,6 @@ def _of_trackers(
         closing=closing.strip(),
         topic="noise",
         figure=_SECTION,
-        table="intervals",
     )
 
 
@@ -203,8 +205,7 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
     axis = conditions.axis
     chosen = {"aspect": Aspect.all, "axis": axis, "statistic": NAMES[axis]["second"], "weighting": weighting}
     reference = tables["summary"].select_seq(*POOLED, pl.col("at").cast(pl.Int64))
-    intervals = tables["intervals"].filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi")
-    return in_brackets(conditions.reported(intervals))
+    return in_brackets(conditions.intervals(tables).filter(**chosen).join(reference, on=[*POOLED, "at"], how="semi"))
 
 
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -216,12 +217,11 @@ def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline 
         opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {errors}.",
         topic="survivorship",
         figure="survivorship-bias",
-        table="intervals",
     )
 
 
 def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.intervals(tables, tracker)
     if row is None or row["at"] is None:
         return None
     since, trimming = abs(conditions.since(row["at"])), conditions.trimmings[0]
@@ -265,9 +265,28 @@ def size_measure(subject: Subject) -> Measure | None:
     return Measure("error", "px", number, None, smallest, note, sentence, _SECTION)
 
 
+def size_columns(data: RunData) -> list[Column]:
+    """Sizes at the reference age."""
+    titles = {"core": "core", "rms": rms_of_tracks(data.trimming)}
+    note = "Core: of a typical scene."
+    return [
+        Column(axis, partial(_size_cell, name=name, axis=axis), f"{titles[name]} (px)", note)
+        for name in SIZES
+        for axis in "uv"
+    ]
+
+
+def _size_cell(subject: Subject, name: str, axis: str) -> str:
+    """Withheld where points are fitted to the tracks."""
+    if subject.row is None or subject.data.truth_is_fitted:
+        return DASH
+    return estimate_cell(size_estimate(subject.row, subject.intervals, subject.conditions, name, axis))
+
+
 SIZE = Topic(
     "noise",
     headline=size,
+    columns=size_columns,
     measure=size_measure,
     in_cards=ABOUT_TRACKS,
     rows_of_card=("error", "noise"),
@@ -277,14 +296,12 @@ SIZE = Topic(
             f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
             RoleValues("core"),
             called="core of the errors",
-            family=Family.sizes,
             of_errors=True,
         ),
         Estimand(
             "second_moment",
             f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
             RoleValues("second"),
-            family=Family.sizes,
             of_errors=True,
         ),
     ),

@@ -6,6 +6,7 @@ from typing import Any
 from tracknoise.topics.answer_summary import Card, Finding, Judgement, Statement
 from tracknoise.topics.catalogue import TOPICS
 from tracknoise.topics.factor_topic import EFFECTS_OF_FACTORS, changes
+from tracknoise.topics.headlines import findings_of
 from tracknoise.topics.measures import Subject
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import sentences_of
@@ -15,7 +16,7 @@ from tracknoise.topics.window_topic import ESTIMATOR
 
 def findings(data: RunData, cards: Sequence[Card], accuracy: Judgement) -> tuple[Finding, ...]:
     """Every finding of the run in short sentences, by rank."""
-    rows = data["findings"].sort("rank").to_dicts()
+    rows = findings_of(data.tables).to_dicts()
     return tuple(_finding(data, row, cards, accuracy) for row in rows)
 
 

@@ -96,6 +96,16 @@ class Curve:
 
 
 @dataclass(frozen=True)
+class Column:
+    """A column of the table of verdicts, which has a row for each tracker and speed."""
+
+    heading: str
+    cell: Callable[[Subject], str]
+    above: str = ""  # heading over it and its neighbours
+    note: str = ""  # a sentence of the caption
+
+
+@dataclass(frozen=True)
 class Topic:
     """What a run says about one thing.
 
@@ -123,6 +133,8 @@ class Topic:
         Statistics of it that runs are compared by.
     curves
         Its figures.
+    columns
+        Its columns of the table of verdicts on a run.
     """
 
     name: str
@@ -136,3 +148,4 @@ class Topic:
     of_these_scenes: bool = False
     compared: Sequence[Estimand] = ()
     curves: Sequence[Curve] = ()
+    columns: Callable[[RunData], Sequence[Column]] = lambda _: ()

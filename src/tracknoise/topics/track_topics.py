@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import polars as pl
 
 from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues, TableValues
 from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
-from tracknoise.analysis.paired_tests import Family
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
@@ -21,8 +21,8 @@ from tracknoise.topics.headline import (
     scalar_estimate,
     scalar_scenes,
 )
-from tracknoise.topics.measures import Subject, card_number, first, with_interval
-from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Topic
+from tracknoise.topics.measures import Subject, card_number, estimate_cell, first, with_interval
+from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Column, Topic
 from tracknoise.words import count, format_estimate, percent
 
 _ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
@@ -52,7 +52,6 @@ def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | No
         closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
         topic="outliers",
         figure="outlier-ratio",
-        table="intervals",
     )
 
 
@@ -61,7 +60,7 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     if _value(summary, "outlier_ratio") is None:
         text = f"The outliers of {tracker} are not recorded."
         return None if _reports_causes(summary) else Part(text, [], text)
-    intervals = conditions.of(tables["intervals"], tracker)
+    intervals = conditions.intervals(tables, tracker)
     estimate = scalar_estimate(summary.row(0, named=True), intervals, "outlier_ratio", "share")
     text = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
     text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
@@ -96,12 +95,11 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
         closing=_FAILURE if has_causes and horizon is not None else "",
         topic="lifetimes",
         figure="lifetimes",
-        table="intervals",
     )
 
 
 def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
-    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.of(tables["intervals"], tracker)
+    row, intervals = first(conditions.of(tables["summary"], tracker)), conditions.intervals(tables, tracker)
     if row is None or not row["n_tracks"]:
         return None
     estimates = {name: scalar_estimate(row, intervals, name, "frames") for name in _LIFETIMES if row[name] is not None}
@@ -162,11 +160,16 @@ def lifetime_measure(subject: Subject) -> Measure | None:
     return Measure("lifetime", "frames", shown, None, longest, note, sentence, "lifetimes")
 
 
+def _number_cell(subject: Subject, statistic: str, unit: str) -> str:
+    return estimate_cell(scalar_estimate(subject.row or {}, subject.intervals, statistic, unit))
+
+
 OUTLIERS_OF_TRACKERS = Topic(
     "outliers",
     headline=outliers,
     holds=ABOUT_TRACKS,
     measure=outliers_measure,
+    columns=lambda _: [Column("outliers", partial(_number_cell, statistic="outlier_ratio", unit="share"))],
     in_cards=tuple(Basis),
     rows_of_card=("outliers",),
     compared=(
@@ -174,7 +177,6 @@ OUTLIERS_OF_TRACKERS = Topic(
             "outlier_ratio",
             f"Features rejected as outliers, divided by features offered: {OVER_SCENES}.",
             RoleValues("outlier_ratio", axes=(None,)),
-            family=Family.ends,
         ),
     ),
 )
@@ -184,6 +186,13 @@ LIFETIMES_OF_TRACKS = Topic(
     headline=lifetimes,
     holds=ABOUT_TRACKS,
     measure=lifetime_measure,
+    columns=lambda _: [
+        Column(
+            "median lifetime",
+            partial(_number_cell, statistic="median_lifetime", unit="frames"),
+            note="Median lifetimes are Kaplan-Meier estimates in whole frames.",
+        )
+    ],
     in_cards=tuple(Basis),
     rows_of_card=("lifetime",),
     compared=(
@@ -192,7 +201,6 @@ LIFETIMES_OF_TRACKS = Topic(
             f"Restricted mean lifetime to a horizon that all scenes reach in both runs: {OVER_SCENES}.",
             RoleValues("lifetime", axes=(None,)),
             larger_is_better=True,
-            family=Family.ends,
         ),
         Estimand(
             "feature_count",

@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
-from tracknoise.analysis.zero_mean import verdict_at
 from tracknoise.tables.enumerations import Behaviour, Trimming
-from tracknoise.tables.schema import VERDICT
 from tracknoise.topics.bands import FRAME
+from tracknoise.topics.bias_topic import verdict_on_bias
+from tracknoise.topics.growth_topic import behaviour_of
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, curve_rows
 from tracknoise.topics.measures import first
 from tracknoise.topics.run_data import RunData
@@ -45,12 +45,12 @@ def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:
     if len(ages) < 2:
         return []
     at = min(ages, key=abs)
-    sentences = [_ranking(tables["intervals"], conditions, at, axis) for axis in "uv"]
+    sentences = [_ranking(tables, conditions, at, axis) for axis in "uv"]
     return [sentence for sentence in sentences if sentence]
 
 
-def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
-    values = {trimming: _rms(intervals, conditions, at, axis, trimming) for trimming in _BOTH}
+def _ranking(tables: RunTables, conditions: ReportedConditions, at: int, axis: str) -> str:
+    values = {trimming: _rms(tables, conditions, at, axis, trimming) for trimming in _BOTH}
     if len(values[_BOTH[0]]) < 2 or len({frozenset(rms) for rms in values.values()}) > 1:
         return ""
     best = {trimming: min(rms, key=lambda tracker: rms[tracker]) for trimming, rms in values.items()}
@@ -65,13 +65,12 @@ def _ranking(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, a
     return joined([claim, *sizes])
 
 
-def _rms(
-    intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str, trimming: str
-) -> Mapping[str, float]:
+def _rms(tables: RunTables, conditions: ReportedConditions, at: int, axis: str, trimming: str) -> Mapping[str, float]:
     """Root mean square errors of the trackers that have one, px, features pooled."""
     rows = {
-        tracker: first(curve_rows(conditions.of(intervals, tracker), conditions, "second", at, axis, trimming=trimming))
+        tracker: first(curve_rows(intervals, conditions, "second", at, axis, trimming=trimming))
         for tracker in conditions.trackers
+        for intervals in [conditions.intervals(tables, tracker)]
     }
     return {
         tracker: math.sqrt(row["value"])
@@ -85,23 +84,19 @@ def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
     sentences: list[str] = []
     for tracker in conditions.trackers:
         for coordinate in "uv":
-            rows = conditions.of(tables["time_structure"], tracker).filter(coordinate=coordinate)
-            sentences += _differs(rows, f"The growth of the error of {tracker} in {coordinate}")
+            kinds = [behaviour_of(tables, conditions, tracker, coordinate, trimming) for trimming in _BOTH]
+            sentences += _differs(kinds, f"The growth of the error of {tracker} in {coordinate}")
         summary = first(conditions.of(tables["summary"], tracker))
         at = None if summary is None else summary["at"]
-        zero = conditions.of(tables["zero_mean"], tracker).filter(pl.col("at").eq_missing(at), axis=conditions.axis)
-        if at is not None:
-            zero = zero.with_columns(verdict=pl.Series([verdict_at(row) for row in zero.to_dicts()], dtype=VERDICT))
-        sentences += _differs(zero, f"Whether {tracker} has a mean error")
+        verdicts = [verdict_on_bias(tables, conditions, tracker, at, trimming) for trimming in _BOTH]
+        sentences += _differs(verdicts, f"Whether {tracker} has a mean error")
     return sentences
 
 
-def _differs(rows: pl.DataFrame, subject: str) -> Sequence[str]:
-    by_trimming = [first(rows.filter(trimming=trimming)) for trimming in _BOTH]
-    verdicts = [None if row is None else str(row["verdict"]) for row in by_trimming]
-    if None in verdicts or verdicts[0] == verdicts[1]:
-        return []
+def _differs(verdicts: Sequence[str | None], subject: str) -> Sequence[str]:
     words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
+    if len(words) < len(_BOTH) or verdicts[0] == verdicts[1]:
+        return []
     answers = (f"{word} {trimming}" for word, trimming in zip(words, _BOTH, strict=True))
     return [f"{subject}: {listing(answers)}."]
 

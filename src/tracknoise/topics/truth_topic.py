@@ -19,7 +19,8 @@ from tracknoise.statistics.grouping import by_condition
 from tracknoise.statistics.prepared import POPULATIONS
 from tracknoise.tables.enumerations import Axis, FittedMeasure, FittedTo, Trimming, Trust
 from tracknoise.tables.schema import RIGID
-from tracknoise.tables.trust import TruthVerdict
+from tracknoise.tables.trust import TRUST, AssessedTruth, TruthVerdict
+from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES
 from tracknoise.topics.answer_summary import Answer, Judgement, Measure
 from tracknoise.topics.headline import (
     MOST_TRACKERS,
@@ -162,7 +163,7 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     brackets = in_brackets(conditions.reported(rows))
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(conditions.of(rows, tracker), tracker, at_most(TruthVerdict.of(tables["trust"]))),
+        lambda tracker: _noise_of(conditions.of(rows, tracker), tracker, at_most(AssessedTruth.of(tables).verdict)),
         opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
         closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
         topic="noise",
@@ -189,14 +190,14 @@ def _noise_of(table: pl.DataFrame, tracker: str, most: str) -> Part | None:
 
 def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """The verdict on the truth, unless it is trusted."""
-    trust = TruthVerdict.of(tables["trust"])
+    trust = AssessedTruth.of(tables).verdict
     if trust.verdict is Trust.trusted:
         return None
     trackers = [] if trust.are_tracks_wrong else conditions.trackers
     rows = (first(conditions.of(tables["summary"], tracker)) for tracker in trackers)
     excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
     text = " ".join([trust.sentence, *list(filter(None, excess))[:1]])
-    return Headline("truth", text, "truth", "trust", brief=_BRIEF[trust.verdict])
+    return Headline("truth", text, "truth", TRUST.name, brief=_BRIEF[trust.verdict])
 
 
 _BRIEF = {
@@ -277,6 +278,10 @@ ERRORS_OF_POSES = Topic(
     ),
     headline=pose_errors,
     of_these_scenes=True,
+)
+TRUTH_ANALYSES = (
+    Analysis((AUDIT, AUDIT_CURVES), lambda inputs: inputs.audit(), if_wrong=NO_ROWS),
+    Analysis((TRUST,), lambda inputs: [inputs.assess(inputs)], needs=(AUDIT, AUDIT_CURVES, POSE_SHARE)),
 )
 DIFFERENCES = Topic(
     "differences",

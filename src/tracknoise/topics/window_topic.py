@@ -1,13 +1,13 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues, all_rows
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues
 from tracknoise.analysis.paired_tests import Family
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator, short_tracks, windows_text
@@ -17,7 +17,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trimming, Trust
-from tracknoise.tables.trust import TruthVerdict, explained_share
+from tracknoise.tables.trust import AssessedTruth
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
 from tracknoise.topics.measures import reported_conditions, short
 from tracknoise.topics.run_data import RunData
@@ -44,14 +44,14 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     first = rows.row(0, named=True)
     summary = conditions.reported(tables["summary"])
     lifetimes = dict(summary.select("tracker", "median_lifetime").iter_rows())
-    alike = len({_windows(of_tracker) for _, of_tracker in rows.group_by("tracker")}) == 1
+    windows = {_windows(of_tracker.to_dicts()) for _, of_tracker in rows.group_by("tracker")}
+    alike = f", {windows.pop()}" if len(windows) == 1 else ""
     return by_tracker(
         conditions.trackers,
         lambda tracker: _advised(
-            conditions.of(rows, tracker), tables["trust"], tracker, lifetimes.get(tracker), with_windows=not alike
+            conditions.of(rows, tracker), tables, tracker, lifetimes.get(tracker), with_windows=not alike
         ),
-        opening=f"Noise to set in {estimator(first['estimator']).title}{f', {_windows(rows)}' if alike else ''} "
-        f"{conditions.where(tables['summary'])}.",
+        opening=f"Noise to set in {estimator(first['estimator']).title}{alike} {conditions.where(tables['summary'])}.",
         closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
         topic="estimator",
         figure="estimator",
@@ -59,11 +59,10 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     )
 
 
-def _windows(rows: pl.DataFrame) -> str:
+def _windows(rows: Sequence[Mapping[str, Any]]) -> str:
     """In which windows the sigma of an advice is right."""
-    counts, first = rows.filter(quantity="features")["value"], rows.row(0, named=True)
-    features = None if counts.is_empty() else int(counts[0])
-    return windows_text(first["landmark"], first["window"], features, simulated=first["why"] is not None)
+    features = next((int(row["value"]) for row in rows if row["quantity"] == "features"), None)
+    return windows_text(rows[0]["landmark"], rows[0]["window"], features, simulated=rows[0]["why"] is not None)
 
 
 def _right(purpose: str, rows: pl.DataFrame) -> str:
@@ -82,17 +81,17 @@ def _between_scenes(rows: pl.DataFrame) -> str:
 
 
 def _advised(
-    rows: pl.DataFrame, trust: pl.DataFrame, tracker: str, lifetime: int | None, *, with_windows: bool
+    rows: pl.DataFrame, tables: RunTables, tracker: str, lifetime: int | None, *, with_windows: bool
 ) -> Part | None:
     if rows.is_empty():
         return None
     advice = {row["quantity"]: Estimate.of_row(row, "value", "low", "high", _UNITS.get(row["quantity"], ""))
              for row in rows.to_dicts()}  # fmt: skip
     sigma, innovations = advice["sigma"], advice["innovations"]
-    caveat = _caveat(sigma.value, trust, tracker)
+    caveat = _caveat(sigma.value, tables, tracker)
     most = _most(caveat)
     together = _together(rows["kernel"][0], advice)
-    where = f" in {_windows(rows)}" if with_windows else ""
+    where = f" in {_windows(rows.to_dicts())}" if with_windows else ""
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}{where}.", caveat]) + together
     text = joined(
         [text, f"Innovations will look like {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
@@ -130,7 +129,7 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     of_length = "" if length is None else f" Windows have {length} frames."
     return by_tracker(
         conditions.trackers,
-        lambda tracker: _noise_of(windows, length, tables["trust"], conditions, tracker),
+        lambda tracker: _noise_of(windows, length, tables, conditions, tracker),
         opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
         closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
         topic="depth noise",
@@ -164,7 +163,7 @@ def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int |
 
 
 def _noise_of(
-    windows: pl.DataFrame, length: int | None, trust: pl.DataFrame, conditions: ReportedConditions, tracker: str
+    windows: pl.DataFrame, length: int | None, tables: RunTables, conditions: ReportedConditions, tracker: str
 ) -> Part | None:
     rows = conditions.of(windows, tracker)
     if length is None or rows.is_empty():
@@ -174,7 +173,7 @@ def _noise_of(
         text = f"{tracker}: {_too_few(length)}."
         return Part(text, [], text)
     if "consistent_sigma" in quantities:
-        return _with_depth(quantities, tracker, trust)
+        return _with_depth(quantities, tracker, tables)
     return _without_depth(quantities, tracker, conditions)
 
 
@@ -206,11 +205,11 @@ def _by_quantity(rows: pl.DataFrame) -> dict[str, dict[str, Any]]:
     return by_quantity
 
 
-def _with_depth(quantities: Quantities, tracker: str, trust: pl.DataFrame) -> Part:
+def _with_depth(quantities: Quantities, tracker: str, tables: RunTables) -> Part:
     consistent, residual, factor = (
         quantities[name] for name in ("consistent_sigma", "residual_core", "core_overconfidence")
     )
-    caveat = _caveat(consistent.value, trust, tracker)
+    caveat = _caveat(consistent.value, tables, tracker)
     residuals = f"The residual core is {px(residual.value)}. {_certainty(factor)}."
     most = _most(caveat)
     text = joined([f"{tracker}: depths are right with {most}{format_estimate(consistent)}.", caveat, residuals])
@@ -218,15 +217,16 @@ def _with_depth(quantities: Quantities, tracker: str, trust: pl.DataFrame) -> Pa
     return Part(text, [consistent, residual, factor], brief)
 
 
-def _caveat(sigma_px: float | None, trust: pl.DataFrame, tracker: str) -> str:
+def _caveat(sigma_px: float | None, tables: RunTables, tracker: str) -> str:
     """Where the truth is not trusted, or this is unknown, how small the noise of the tracker alone may be; else empty.
 
     One or two sentences. If the truth explains the share s of the squared errors, sigma sqrt(1 - s) is left.
     """
-    truth, share = TruthVerdict.of(trust), explained_share(trust, tracker)
-    if truth.is_usable or sigma_px is None:
+    truth = AssessedTruth.of(tables)
+    verdict, share = truth.verdict, truth.explained_share(tracker)
+    if verdict.is_usable or sigma_px is None:
         return ""
-    opening = _UNTRUSTED if truth.verdict is Trust.not_trusted else _UNKNOWN
+    opening = _UNTRUSTED if verdict.verdict is Trust.not_trusted else _UNKNOWN
     if share is None or share >= 1.0:
         return opening
     return f"{opening} The tracker alone may have {px(sigma_px * sqrt(1.0 - share))}."
@@ -261,19 +261,24 @@ def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedCon
     return Part(text, [residual], brief)
 
 
+def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
+    """What to set in the estimator of the experiment, rows of `ADVICE` by quantity; none where it is unknown."""
+    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
+    return {row["quantity"]: row for row in rows.to_dicts()}
+
+
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
-    conditions = reported_conditions(data, data.slowest)
-    rows = conditions.of(data["advice"], tracker)
-    advice = {row["quantity"]: row for row in rows.to_dicts()}
+    advice = advised(data, tracker)
     if not advice:
         return ""
     sigma, innovations = advice["sigma"], advice["innovations"]
-    (lifetime,) = conditions.of(data["summary"], tracker)["median_lifetime"][:1].to_list() or [None]
-    caveat = _caveat(sigma["value"], data["trust"], tracker)
+    summary = reported_conditions(data, data.slowest).of(data["summary"], tracker)
+    (lifetime,) = summary["median_lifetime"][:1].to_list() or [None]
+    caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
     more = f" and a knee of {number(advice['knee']['value'])} sigma" if "knee" in advice else more
@@ -281,7 +286,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
         [
             f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
             f"innovations look like {pixels(innovations['value'])} px.",
-            f"This is for {_windows(rows)}.",
+            f"This is for {_windows([*advice.values()])}.",
             short_tracks(lifetime, sigma["window"]),
             caveat,
         ]
@@ -293,7 +298,7 @@ def depth_noise_sentence(data: RunData, tracker: str) -> str:
     sigma = _at_window(data, tracker).get("consistent_sigma")
     if sigma is None:
         return ""
-    most = _most(_caveat(sigma["value"], data["trust"], tracker))
+    most = _most(_caveat(sigma["value"], data.tables, tracker))
     window = f"in windows of {sigma['window']} frames"
     return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
 
@@ -305,7 +310,7 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
         return ""
     sigma = quantities["consistent_sigma"]
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
-    caveat = _caveat(sigma["value"], data["trust"], tracker)
+    caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
     opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
     return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(quantities)])
@@ -353,16 +358,14 @@ _LEAST_OF_SCENE = 10
 """Fewest windows that a quantity of a scene rests on."""
 
 
-def _of_windows(
-    quantity: str, paired: Callable[[pl.DataFrame, pl.DataFrame], Sequence[pl.DataFrame]] = all_rows
-) -> TableValues:
+def _of_windows(quantity: str) -> TableValues:
     """One of the quantities of windows of every scene."""
 
     def numbers(windows: pl.DataFrame) -> pl.DataFrame:
         enough = pl.col("n") >= _LEAST_OF_SCENE
         return scene_quantities(windows).filter(enough, quantity=quantity).rename({"window": "at"})
 
-    return TableValues("window_noise", numbers, {"trimming": Trimming.untrimmed}, "window", paired)
+    return TableValues("window_noise", numbers, {"trimming": Trimming.untrimmed}, "window")
 
 
 def _at_the_reported_window(first: pl.DataFrame, second: pl.DataFrame) -> Sequence[pl.DataFrame]:
@@ -390,9 +393,8 @@ DEPTH_NOISE = Topic(
             "consistent_sigma",
             "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
             f"enough scenes of both runs have: {OVER_SCENES}.",
-            _of_windows("consistent_sigma", _at_the_reported_window),
+            replace(_of_windows("consistent_sigma"), paired=_at_the_reported_window, family=Family.sizes),
             called="sigma for depths",
-            family=Family.sizes,
         ),
         Estimand(
             "residual_sigma",

@@ -19,6 +19,7 @@ from tracknoise.analysis.truth_shares import (
 )
 from tracknoise.statistics.definitions import NAMES
 from tracknoise.tables.enumerations import FloorSource, Trimming, Weighting
+from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.topics.headline import ReportedConditions, RunTables
 from tracknoise.topics.measures import first
 from tracknoise.topics.sentences import joined
@@ -85,7 +86,7 @@ def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str
     at
         Reference age or frame.
     """
-    cover = audited_mean(tables["audit_curves"], tracker, abs(conditions.since(at)))
+    cover = audited_mean(AuditTables.of(tables).audit_curves, tracker, abs(conditions.since(at)))
     if cover is None or not cover.is_covered:
         return None
     claim = f"No bias of {tracker} is claimed: faults of the truth explain most of its mean error."
@@ -96,7 +97,7 @@ def audited_rise(
     tables: RunTables, conditions: ReportedConditions, tracker: str, coordinate: str, at: int
 ) -> str | None:
     """The sentence that replaces a finding of growth in a coordinate: see `audited_bias`."""
-    cover = audited_growth(tables["audit_curves"], tracker, coordinate, abs(conditions.since(at)))
+    cover = audited_growth(AuditTables.of(tables).audit_curves, tracker, coordinate, abs(conditions.since(at)))
     if cover is None or not cover.is_covered:
         return None
     claim = f"No growth of {tracker} in {coordinate} is claimed: faults of the truth explain most of it."

@@ -26,9 +26,10 @@ import polars as pl
 from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
-from tracknoise.tables.findings_schema import AUDIT_CURVES, MEASURED, TRUST, AuditVerdict
 from tracknoise.tables.manifest import PoseFit, joined_fit
-from tracknoise.tables.schema import check, empty
+from tracknoise.tables.schema import check
+from tracknoise.tables.trust import TRUST
+from tracknoise.tables.truth_audit import MEASURED, AuditVerdict
 from tracknoise.truth.accuracies import sizes_of
 from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.depth_checks import MOST_EDGES
@@ -81,7 +82,7 @@ class TruthEvidence:
     sizes
         Size of the errors of each tracker.
     curves
-        Schema `AUDIT_CURVES`; by default unknown.
+        Schema `AUDIT_CURVES`.
     tracks
         Why tracks do not follow the images, and what mends it: then they say nothing about the truth.
     confirmed_share
@@ -109,7 +110,7 @@ class TruthEvidence:
     audit: pl.DataFrame
     pose_shares: pl.DataFrame
     sizes: Mapping[str, ErrorSize]
-    curves: pl.DataFrame = field(default_factory=lambda: empty(AUDIT_CURVES))
+    curves: pl.DataFrame
     tracks: Sequence[tuple[str, str]] = ()
     confirmed_share: float | None = None
     mistakes: Sequence[str] = ()
@@ -363,7 +364,7 @@ def _of_tracks(wrong: Sequence[tuple[str, str]]) -> list[dict[str, Any]]:
 def _table(rows: Sequence[Mapping[str, Any]], dataset: str) -> pl.DataFrame:
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(TRUST))
     plain = table.with_columns(pl.col("text", "step").str.replace_all(SPACE, " ", literal=True))  # files have it too
-    return check(plain, TRUST, "trust")
+    return check(plain, TRUST, TRUST.name)
 
 
 def _of_audit(audit: pl.DataFrame, parameter: str, tracker: str) -> _Share | None:

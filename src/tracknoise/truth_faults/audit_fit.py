@@ -20,7 +20,7 @@ from scipy import special
 
 from tracknoise.inference.robust_fits import Jackknife, jackknife, normal_equations, scales, squared, summed
 from tracknoise.inference.units import Resampled
-from tracknoise.tables.findings_schema import AUDIT_CURVES
+from tracknoise.tables.truth_audit import AUDIT_CURVES
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import Predicted, predict
 from tracknoise.truth_faults.fault_parameters import Fit, Parameter, columns_of, furthest

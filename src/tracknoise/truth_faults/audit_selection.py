@@ -26,7 +26,7 @@ from scipy import special
 
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.robust_fits import condition_number, jackknife, scales
-from tracknoise.tables.findings_schema import AuditVerdict
+from tracknoise.tables.truth_audit import AuditVerdict
 from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, design_of, fit, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import Predicted, has_k1, predict

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.corrections import UNCORRECTED
-from tracknoise.tables.findings_schema import MEASURED, AuditVerdict
+from tracknoise.tables.truth_audit import MEASURED, AuditVerdict
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_selection import POWER
 from tracknoise.truth_faults.fault_parameters import FAULTS, TIMED, Family, Parameter, Shown

@@ -13,8 +13,9 @@ from tracknoise.geometry.pose import first_visits
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.robust_fits import condition_number
 from tracknoise.inference.units import Resampled, SceneGroups, scheme
-from tracknoise.tables.findings_schema import AUDIT, AUDIT_CURVES, DEPTH_REPEATS, EVERYTHING, MEASURED, AuditVerdict
+from tracknoise.tables.findings_schema import DEPTH_REPEATS
 from tracknoise.tables.schema import check, empty
+from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditTables, AuditVerdict
 from tracknoise.text import counted
 from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, curves, fit, second_moments
 from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of
@@ -261,14 +262,6 @@ def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp
 Row = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class AuditTables:
-    """Tables `AUDIT` and `AUDIT_CURVES`."""
-
-    audit: pl.DataFrame
-    audit_curves: pl.DataFrame
-
-
 def _not_audited(why: str, dataset: str) -> AuditTables:
     """Tables of a run that could not be audited: one row, with the reason."""
     text = f"The truth was not audited: {why}."
@@ -292,7 +285,7 @@ def tables_of(samples: AuditSamples | str, dataset: str) -> AuditTables:
     except np.linalg.LinAlgError:
         return _not_audited(_EXTREME, dataset)
     table = pl.DataFrame([{"dataset": dataset, **row} for row in rows], schema=dict(AUDIT))
-    return AuditTables(check(table, AUDIT, "audit"), check(curve, AUDIT_CURVES, "audit_curves"))
+    return AuditTables(check(table, AUDIT, AUDIT.name), check(curve, AUDIT_CURVES, AUDIT_CURVES.name))
 
 
 def _named_shares(samples: AuditSamples, selection: Selection) -> Iterator[Row]:

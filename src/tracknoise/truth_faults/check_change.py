@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import polars as pl
-
 from tracknoise.exceptions import DataError, StoreError
 from tracknoise.foreign_files import read_json_object
 from tracknoise.tables.enumerations import Trust, TruthCause
 from tracknoise.tables.identity import readable
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import Range, TruthVerdict, ranges
+from tracknoise.tables.trust import AssessedTruth, Range
 from tracknoise.truth_faults.check_report import worst
 from tracknoise.words import listing, percent
 
@@ -73,15 +71,15 @@ def read_check(path: Path) -> str:
 _EXPECTED = "what `tracknoise check -o FILE.json` writes"
 
 
-def truth_change(run: RunFolder, trust: pl.DataFrame) -> str | None:
+def truth_change(run: RunFolder, truth: AssessedTruth) -> str | None:
     """What a run changed in the verdict of a check, and why; None where it knows of no check.
 
     Parameters
     ----------
     run
         The run.
-    trust
-        Its table, schema `TRUST`.
+    truth
+        What it says about its truth.
 
     Raises
     ------
@@ -99,7 +97,7 @@ def truth_change(run: RunFolder, trust: pl.DataFrame) -> str | None:
     compared = [item for item in checks if item.sequence in measured]
     if not compared:
         return f"`tracknoise check` was of {listing(item.sequence for item in checks)}, which this run did not measure."
-    return _sentence(worst(compared, lambda item: item.verdict), TruthVerdict.of(trust).verdict, ranges(trust))
+    return _sentence(worst(compared, lambda item: item.verdict), truth.verdict.verdict, truth.ranges)
 
 
 def _checked(document: Mapping[str, Any]) -> list[Checked]:

@@ -14,7 +14,7 @@ from tracknoise.sequences.likely_times import require_likely_times
 from tracknoise.sequences.sequence import Reader, Sequence, with_known_facts
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import readable
-from tracknoise.tables.trust import TruthVerdict, ranges
+from tracknoise.tables.trust import AssessedTruth, TruthVerdict
 from tracknoise.text import printable
 from tracknoise.time_units import rate_of
 from tracknoise.truth_faults.check_poses import leading_poses
@@ -121,12 +121,12 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
             items += of_images
     except DataError as error:
         items.append(_unreadable(error))
-    trust = sequence_trust(leading, evidence, items, fit)
-    verdict = TruthVerdict.of(trust)
+    truth = AssessedTruth(sequence_trust(leading, evidence, items, fit))
+    verdict = truth.verdict
     severity = _SEVERITY[verdict.verdict]
     if not any(item.severity is severity and item.text in verdict.text for item in items):
         items.append(Item("truth", severity, verdict.text))
-    return SequenceReport(readable(sequence.id.key), tuple(items), verdict, ranges(trust))
+    return SequenceReport(readable(sequence.id.key), tuple(items), verdict, truth.ranges)
 
 
 def check_reader(

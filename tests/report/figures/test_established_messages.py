@@ -10,8 +10,8 @@ from tests.report.synthetic import DEGENERATE
 from tracknoise.report.figures import error_curves, growth_curves, levels, maps, track_ends, truth_curves
 from tracknoise.report.figures.figure import Absence, Figure
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.findings_schema import EVERYTHING, MEASURED
 from tracknoise.tables.store import RunFolder
+from tracknoise.tables.truth_audit import EVERYTHING, MEASURED
 from tracknoise.topics.growth_topic import growth_message
 from tracknoise.words import listing
 

@@ -94,7 +94,7 @@ def _named(table: pl.DataFrame, statistic: str, values: Mapping[str, pl.Expr]) -
 
 def _bounds(data: ReportData) -> pl.DataFrame:
     """Bounds of all these. Those of the variance are roots."""
-    intervals = data.nominal(data["intervals"]).filter(aspect=Aspect.change, trimming=data.trimming)
+    intervals = data.nominal(data.intervals).filter(aspect=Aspect.change, trimming=data.trimming)
     intervals = intervals.filter(pl.col("weighting").is_null() | (pl.col("weighting") == "features"))
     intervals = intervals.filter(
         pl.col("statistic").is_in(list(_STATISTICS)), pl.col("coordinate").is_in(list(COORDINATES))

@@ -10,9 +10,9 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.factors import ROLES
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding, Verdict
+from tracknoise.topics.factor_topic import comparisons
 from tracknoise.words import STATISTICS, bound_text, listing, percent, px, ratio, times
 
 MOST_WORDS, MOST_NUMBERS = 15, 2
@@ -54,8 +54,7 @@ def trackers(data: ReportData, role: str, text: str) -> str:
 
 def _rows(data: ReportData, factor: str, tracker: str | None, speed: int | None, role: str) -> list[dict[str, Any]]:
     """Comparisons of several levels of a factor by one statistic; none where they differ by more than that."""
-    names = [name for name, statistic_role in ROLES.items() if statistic_role == role]
-    rows = data["dependence"].filter(pl.col("statistic").is_in(names), pl.col("n_levels") > 1, factor=factor)
+    rows = comparisons(data, factor, role)
     rows = rows.filter(pl.col("speed").eq_missing(speed), pl.col("tracker").eq_missing(tracker)).drop_nulls("effect")
     return rows.to_dicts() if rows.height == 1 else []
 

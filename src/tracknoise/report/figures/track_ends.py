@@ -22,7 +22,7 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.lifetimes import surviving
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import CAUSES
-from tracknoise.topics.bands import FRAME, describe_bounds, describe_intervals, of_scalar
+from tracknoise.topics.bands import FRAME, describe_bounds, describe_intervals
 from tracknoise.words import count, format_estimate, listing, number, percent
 
 _ALL, _MEASURED = "all tracks", "in the curves"
@@ -187,7 +187,7 @@ _FAILURE = (
 
 def lifetime_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Trackers at the lowest speed, then the speeds of each tracker if there are several."""
-    table = of_scalar(data.reference(data["lifetimes"]), data["intervals"], "survival")
+    table = data.with_bounds_of(data.reference(data["lifetimes"]), "survival")
     nominal = table.filter(speed=data.slowest)
     if nominal.is_empty():
         return [Absence("lifetimes", "Lifetimes", "No tracker found a feature, so there are no tracks.")]
@@ -395,7 +395,7 @@ def outlier_ratio_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 def _entered(data: ReportData) -> pl.DataFrame:
     """Conditions with an outlier ratio: those that carried a feature into some frame, and report outliers."""
-    return of_scalar(data["outliers"].filter(pl.col("pooled_ratio").is_not_null()), data["intervals"], "outlier_ratio")
+    return data.with_bounds_of(data["outliers"].filter(pl.col("pooled_ratio").is_not_null()), "outlier_ratio")
 
 
 def _outlier_ratios_by_speed(data: ReportData, table: pl.DataFrame) -> Figure:

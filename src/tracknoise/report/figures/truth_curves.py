@@ -19,7 +19,7 @@ from tracknoise.report.figures.panels import Panel, arranged, layered, panels, s
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, TruthQuantity
-from tracknoise.tables.findings_schema import EVERYTHING, MEASURED
+from tracknoise.tables.truth_audit import EVERYTHING, MEASURED
 from tracknoise.topics import bands
 from tracknoise.topics.bands import describe_intervals
 from tracknoise.words import DASH, SPACE, number, percent, pixels, px
@@ -305,7 +305,7 @@ _SIZE = {"width": 395, "height": 165}
 
 def audit_curve_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """One figure per tracker that took part in the audit, where it found a fault."""
-    curves = data["audit_curves"]
+    curves = data.audit.audit_curves
     if not set(curves["correction"].unique()) - {MEASURED}:
         why = "The audit found no fault of the truth that could be corrected." if curves.height else _not_audited(data)
         return [Absence("audit", "Errors before and after corrections", why)]
@@ -314,7 +314,7 @@ def audit_curve_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _not_audited(data: ReportData) -> str:
-    texts = data["audit"]["text"].to_list()
+    texts = data.audit.audit["text"].to_list()
     return texts[0] if texts else "The truth of this run was not audited."
 
 

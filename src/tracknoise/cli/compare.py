@@ -89,13 +89,14 @@ def _print(terminal: Terminal, comparison: "Comparison") -> None:
     from tracknoise.cli.text_table import show
     from tracknoise.report.comparison_page import answers, by_run, clearest, gate_cells, gate_sentences, verdict_cells
 
+    if comparison.gate is not None:
+        terminal.result("\n".join([*gate_sentences(comparison.gate), ""]))
+        show(terminal.result, gate_cells(comparison.gate))
+        terminal.result("")
     for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True):
+        for sentence in [f"{side.name} compared with {comparison.first.name}.", *answers(rows), *clearest(rows)]:
+            terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
+        terminal.result("")
         for cells in verdict_cells(comparison, side.name, rows):
             show(terminal.result, cells)
             terminal.result("")
-        for sentence in [*answers(rows), *clearest(rows)]:
-            terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
-        terminal.result("")
-    if comparison.gate is not None:
-        show(terminal.result, gate_cells(comparison.gate))
-        terminal.result("\n".join(["", *gate_sentences(comparison.gate)]))

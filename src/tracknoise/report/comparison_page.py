@@ -105,9 +105,17 @@ def answers(rows: Sequence[Row]) -> list[str]:
         if several and verdict in (ChangeVerdict.none, ChangeVerdict.undecided):
             found = [f"{len(found)} of {count(len(rows), 'row')}"] if found else []
         rest = [f"{len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+        why = _why_of_all([row for row in rows if row.verdict == verdict])
         if found:
-            sentences.append(f"{sentence_case(verdict)}: {listing([*found[:_MOST_NAMED], *rest])}.")
+            reason = f", because {why}" if why else ""
+            sentences.append(f"{sentence_case(verdict)}: {listing([*found[:_MOST_NAMED], *rest])}{reason}.")
     return sentences
+
+
+def _why_of_all(rows: Sequence[Row]) -> str:
+    """The remark that all rows have, where there are several; else empty."""
+    remarks = {row.why or "" for row in rows}
+    return remarks.pop() if len(rows) > 1 and len(remarks) == 1 else ""
 
 
 def clearest(rows: Sequence[Row]) -> list[str]:
@@ -183,8 +191,10 @@ def verdict_cells(comparison: Comparison, run: str, rows: Sequence[Row]) -> list
     tables = []
     for condition, intervals, shown in _by_condition(rows, comparison.level):
         title = f"{run} compared with {comparison.first.name}: {condition}"
-        caption = f"{title} ({intervals})" if intervals else title
-        tables.append(Cells(caption, _HEADINGS, [_cells(row) for row in shown], _NUMERIC))
+        common = _why_of_all(shown)
+        about = "; ".join(filter(None, [intervals, common]))
+        cells = [[*_cells(row), "" if common else row.why or ""] for row in shown]
+        tables.append(Cells(f"{title} ({about})" if about else title, _HEADINGS, cells, _NUMERIC))
     return tables
 
 
@@ -197,7 +207,7 @@ def _by_condition(rows: Sequence[Row], level: float) -> list[tuple[str, str, lis
 
 def _cells(row: Row) -> list[str]:
     where = where_words(row) or ("mean" if row.effect is not None else DASH)
-    return [row.estimand.title, str(row.verdict), effect_words(row), where, str(row.n_scenes), row.why or ""]
+    return [row.estimand.title, str(row.verdict), effect_words(row), where, str(row.n_scenes)]
 
 
 def gate_cells(result: GateResult) -> Cells:

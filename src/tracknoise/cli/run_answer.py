@@ -13,10 +13,8 @@ from tracknoise.topics.measures import Subject
 from tracknoise.topics.sentences import joined, sentences_of
 from tracknoise.topics.size_topic import size_measure
 from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
-from tracknoise.topics.window_topic import sigma_sentence
+from tracknoise.topics.window_topic import sigma_sentence, windows_of_advice
 
-_SENTENCES_TO_SET = 2
-"""What to set, and for which windows."""
 _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 
@@ -38,15 +36,18 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
         return trust
     better = wrapped(_better(data))
     told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
-    room = most - len(better) - len(trust)
-    shown = _fitting(told, room)
+    windows = windows_of_advice(data) if told else ""
+    common = wrapped(f"Numbers to set are for {windows}.") if windows else []
+    room = most - len(trust) - len(common)
+    if _fitting(told, room - len(better)) < _fitting(told, room):  # all that can be set goes before what is better
+        better = []
+    shown = _fitting(told, room - len(better))
     if shown < len(told):
-        shown = _fitting(told, room - 1)
+        shown = _fitting(told, room - len(better) - 1)
     shown = max(shown, min(1, len(told)))
     left = len(told) - shown
-    to_use = [*_flat(told[:shown]), *([f"{left} more: tracknoise report {data.run.path} --all"] if left else [])]
-    answered = [*to_use, *better[max(0, len(to_use) - room) :]]
-    return _in_order(data, answered, trust)
+    more = [f"{left} more: tracknoise report {data.run.path} --all"] if left else []
+    return _in_order(data, [*_flat(told[:shown]), *more, *common, *better], trust)
 
 
 def _in_order(data: ReportData, numbers: list[str], trust: list[str]) -> list[str]:
@@ -70,7 +71,8 @@ def sentences_to_set(data: ReportData) -> list[str]:
 
 
 def _of_tracker(data: ReportData, tracker: str) -> str:
-    if text := joined(sentences_of(sigma_sentence(data, tracker))[:_SENTENCES_TO_SET]):
+    if sentences := sentences_of(sigma_sentence(data, tracker)):
+        text = joined(sentences[: 1 if windows_of_advice(data) else 2])
         return f"{tracker}: {text[0].lower()}{text[1:]}"
     subject = Subject(data, tracker)
     measure = size_measure(subject)

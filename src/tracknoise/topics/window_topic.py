@@ -267,6 +267,13 @@ def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     return {row["quantity"]: row for row in rows.to_dicts()}
 
 
+def windows_of_advice(data: RunData) -> str:
+    """In which windows the sigmas to set are right, where they are those of all trackers; else empty."""
+    rows = [[*advice.values()] for tracker in data.trackers if (advice := advised(data, tracker))]
+    windows = {_windows(own) for own in rows}
+    return windows.pop() if len(windows) == 1 else ""
+
+
 def sigma_sentence(data: RunData, tracker: str) -> str:
     """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
 

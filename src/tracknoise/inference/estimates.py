@@ -1,7 +1,7 @@
 """Estimates: values with their intervals, one at a time or as arrays."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,11 @@ class Estimate:
     def verdict(cls, row: Mapping[str, Any], column: str) -> "Estimate":
         """The row of results of a verdict: an estimate without a number."""
         return cls(None, id=(row.get("ids") or {}).get(column))
+
+    def times(self, factor: float) -> "Estimate":
+        """It and its interval times a factor above 0."""
+        value, low, high = (None if one is None else one * factor for one in (self.value, self.low, self.high))
+        return replace(self, value=value, low=low, high=high)
 
     def above(self, bound: float) -> bool:
         """Whether the whole interval is above a bound."""

@@ -113,10 +113,12 @@ def shape_measure(subject: Subject) -> Measure | None:
         return None
     pooled = row["kurtosis_within"] is None
     part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis within scenes")
-    shown = card_number(Estimate.of_row(row, part, f"{part}_low", f"{part}_high"))
+    kurtosis = Estimate.of_row(row, part, f"{part}_low", f"{part}_high")
+    shown, times = card_number(kurtosis), with_interval(card_number(kurtosis.times(1.0 / _GAUSSIAN_KURTOSIS)))
     heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
     answered = answer("heavy tails", heavy, wished=Verdict.no)
-    sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {with_interval(shown)}."
+    size = "unknown" if shown.value is None else f"{times} times that of a Gaussian"
+    sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {size}."
     ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
     note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
     return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, answered, note, sentence, "gaussianity")

@@ -13,15 +13,7 @@ import polars as pl
 
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.units import Resampled
-from tracknoise.tables.enumerations import (
-    Aspect,
-    Behaviour,
-    EffectIntervalKind,
-    Lookup,
-    Population,
-    Shape,
-    Weighting,
-)
+from tracknoise.tables.enumerations import Aspect, Behaviour, EffectIntervalKind, Lookup, Population, Shape, Weighting
 from tracknoise.tables.run_table import (
     COUNTED,
     ESTIMATED,

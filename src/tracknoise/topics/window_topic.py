@@ -18,8 +18,8 @@ from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trimming, Trust
 from tracknoise.tables.trust import AssessedTruth
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
-from tracknoise.topics.measures import reported_conditions, short
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, in_brackets
+from tracknoise.topics.measures import short
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import joined
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Topic
@@ -42,13 +42,11 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     if rows.is_empty():
         return None
     first = rows.row(0, named=True)
-    where = f"windows of {first['window']} frames {conditions.where(tables['summary'])}{_features(rows)}"
-    return by_tracker(
-        conditions.trackers,
+    where = f"windows of {first['window']} frames {conditions.where(tables)}{_features(rows)}"
+    return conditions.headline(
         lambda tracker: _advised(conditions.of(rows, tracker), tables, tracker),
         opening=f"Noise to set in {estimator(first['estimator']).title}, {where}.",
         closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
-        topic="estimator",
         figure="estimator",
         table="advice",
     )
@@ -117,12 +115,10 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     brackets = in_brackets(pl.concat([windows.clear(), *told]))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     of_length = "" if length is None else f" Windows have {length} frames."
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _noise_of(windows, length, tables, conditions, tracker),
-        opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
+        opening=f"Noise for the depths of points {conditions.where(tables)}{errors}.{of_length}",
         closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
-        topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
     )
@@ -253,7 +249,7 @@ def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedCon
 
 def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """What to set in the estimator of the experiment, rows of `ADVICE` by quantity; none where it is unknown."""
-    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
+    rows = data.conditions().of(data["advice"], tracker)
     return {row["quantity"]: row for row in rows.to_dicts()}
 
 
@@ -328,7 +324,7 @@ def _certain(quantities: dict[str, dict[str, Any]]) -> str:
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """Quantities of the windows that sentences are about, by name; none where points are fitted to whole tracks."""
-    conditions = reported_conditions(data, data.slowest)
+    conditions = data.conditions()
     length = None if data.truth_is_fitted else shown_window(data["window_sigmas"], conditions)
     if length is None:
         return {}

@@ -209,23 +209,18 @@ def _with_means(data: ReportData) -> pl.DataFrame:
 
 def _with_noise(data: ReportData) -> pl.DataFrame:
     """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
-    of_all = (
-        data["triangulated_noise"]
-        .filter(pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming)
-        .with_columns(pl.col("measure").cast(pl.String))
-    )
+    rows = data["triangulated_noise"].filter(pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming)
     table = data["summary"]
     for _, measure, _ in _NOISE:
-        noise = of_all.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
+        noise = rows.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
         table = table.join(noise, on=POOLED, how="left", nulls_equal=True, maintain_order="left")
     return table
 
 
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
-    change, copies = data.truth_change, findings_of(data.tables, "copies")["text"]
-    truth = data.truth
-    texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
+    copies = findings_of(data.tables, "copies")["text"]
+    texts = filter(None, [data.truth.sentence, data.truth.stated, data.truth_change, *copies])
     return ["\n".join([*wrapped(text), ""]) for text in texts]
 
 

@@ -119,10 +119,9 @@ def _unlike(first: OpenedRun, second: OpenedRun, key: str) -> Iterator[tuple[str
 
 def _equal(first: OpenedRun, second: OpenedRun, name: str, key: str) -> bool:
     """Whether two tables have the same content, even if their files differ."""
-    first_hash, second_hash = (run.manifest.sequences[key].sha256.get(name) for run in (first, second))
-    if first_hash == second_hash:
-        return True
-    return first.folder.sequence_table(name, key).equals(second.folder.sequence_table(name, key))
+    hashes = [run.manifest.sequences[key].sha256.get(name) for run in (first, second)]
+    tables = (run.folder.sequence_table(name, key) for run in (first, second))
+    return hashes[0] == hashes[1] or next(tables).equals(next(tables))
 
 
 def _differing(first: OpenedRun, second: OpenedRun) -> tuple[tuple[str, str, str], ...]:

@@ -277,14 +277,9 @@ class RunData:
     def conditions(self, speed: int | None = None) -> ReportedConditions:
         """Every tracker at a speed, by default the lowest, in the `view`."""
         frames = {name: frame for name in self.directions if (frame := self.key_frame(name)) is not None}
-        reference = ReferenceCondition(**self.view, speed=self.slowest if speed is None else speed, key_frames=frames)
+        at = ReferenceCondition(**self.view, speed=self.slowest if speed is None else speed, key_frames=frames)
         return ReportedConditions(
-            reference,
-            self.trackers,
-            self.population,
-            self.percentile,
-            fitted=self.truth_is_fitted,
-            trimming=self.trimming,
+            at, self.trackers, self.population, self.percentile, fitted=self.truth_is_fitted, trimming=self.trimming
         )
 
     def place(self, tracker: str) -> int:

@@ -133,10 +133,9 @@ def _at_reference(subject: Subject, trimming: str) -> dict[str, Any] | None:
 
 def shape_columns(data: RunData) -> list[Column]:
     """Verdicts around the reference age, one for each trimming."""
-    trimmings = data.conditions().trimmings
     return [
         Column("errors" if data.percentile is None else trimming, partial(_shape_cell, trimming=trimming), "Gaussian?")
-        for trimming in trimmings
+        for trimming in data.conditions().trimmings
     ]
 
 

@@ -47,7 +47,7 @@ def usual_mistakes(audit: pl.DataFrame) -> list[str]:
     Parameters
     ----------
     audit
-        Table `tracknoise.tables.findings_schema.AUDIT`; may be empty.
+        Table `tracknoise.tables.truth_audit.AUDIT`; may be empty.
     """
     together = audit.filter(family=str(Family.named))
     usual = [row["parameter"] for row in together.iter_rows(named=True) if _is_usual(row)]

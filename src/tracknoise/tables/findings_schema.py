@@ -1,4 +1,4 @@
-"""Columns of the tables that hold findings, the audit of the truth, and effects.
+"""Columns of the tables that hold findings and effects, and of those that the audit of the truth reads.
 
 Every interval states its level, its method (`kind`), and what was resampled: `scenes`, `groups` of scenes, scenes
 `within` their groups, or, if there are too few scenes, `blocks` of tracks within them. An interval from blocks holds

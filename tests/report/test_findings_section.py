@@ -12,7 +12,8 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.tables.findings_schema import FINDINGS
 from tracknoise.tables.schema import empty
 from tracknoise.tables.store import RunFolder
-from tracknoise.topics.catalogue import FINDINGS_TABLES
+from tracknoise.topics.catalogue import FINDINGS_TABLES, TOPICS
+from tracknoise.topics.topic import Column, Topic
 from tracknoise.words import percent, pixels
 
 MANY = tuple(f"scene-{place}" for place in range(8))
@@ -64,6 +65,15 @@ def test_verdicts_quote_the_tables(data: ReportData) -> None:
     assert cells.rows[1][7] == "no (p = 0.012)"
     assert cells.rows[1][8:12] == ["light-tailed", "heavy-tailed", *["1.50 (1.48 to 1.52) times; random walk"] * 2]
     assert cells.rows[1][12].startswith(percent(summary["outlier_ratio"]))
+
+
+def test_a_topic_brings_its_own_columns(data: ReportData, monkeypatch: pytest.MonkeyPatch) -> None:
+    named = [Column(name, lambda subject: f"{subject.tracker} {subject.speed}", "drift", "Of errors.") for name in "ab"]
+    monkeypatch.setattr(findings_section, "TOPICS", (*TOPICS, Topic("drift", columns=lambda _: named)))
+    cells = findings_section.verdicts(data)
+    assert [*cells.headings[-2:], cells.groups[-1]] == ["a", "b", ("drift", 2)]
+    assert [row[-2:] for row in cells.rows] == [["lucas-kanade 1"] * 2, ["lucas-kanade 2"] * 2]
+    assert cells.caption.count("Of errors.") == 1
 
 
 def test_what_was_not_worked_out_has_a_dash(data: ReportData) -> None:

@@ -46,7 +46,7 @@ def test_a_sentence_says_how_many_depths_each_noise_holds() -> None:
         "(89 to 98). With the covariance of whole tracks they hold 95 % (90 to 99). The noise was learned from other "
         "scenes than it was tried on. In brackets: 95 % intervals over 8 scenes."
     )
-    assert (found.topic, found.figure, found.table) == ("depth", "estimator", "depth_intervals")
+    assert (found.figure, found.table) == ("estimator", "depth_intervals")
     assert found.estimate is not None
     assert (found.estimate.value, found.estimate.unit) == (0.62, "share")
 

@@ -57,11 +57,6 @@ class Estimand:
         """What it is called."""
         return self.called or self.name.replace("_", " ")
 
-    @property
-    def family(self) -> Family:
-        """Of tests that are corrected together."""
-        return self.values.family
-
 
 OVER_SCENES = "geometric mean over scenes"
 OVER_ALL = f"{OVER_SCENES}, ages (or frames) and both coordinates"

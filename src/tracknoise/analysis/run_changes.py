@@ -340,7 +340,7 @@ def verdicts(
     p_change = [None if one.change is None else one.change.p_change for one in tested]
     p_none = [None if one.change is None else one.change.p_none for one in tested]
     statistics = [one.statistic for one in asked]
-    adjusted = in_families(holm, p_change, [one.estimand.family for one in asked])
+    adjusted = in_families(holm, p_change, [one.estimand.values.family for one in asked])
     q_none = in_families(benjamini_hochberg, p_none, statistics)
     rows = []
     for number, (one, tests) in enumerate(zip(asked, tested, strict=True)):

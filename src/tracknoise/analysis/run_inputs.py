@@ -11,13 +11,7 @@ from tracknoise.analysis.condition_units import Sampling
 from tracknoise.analysis.factors import OptionFactor
 from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.definitions import POOLED
-from tracknoise.statistics.grouping import (
-    Condition,
-    TablesByCondition,
-    by_condition,
-    number_names,
-    without_blocks,
-)
+from tracknoise.statistics.grouping import Condition, TablesByCondition, by_condition, number_names, without_blocks
 from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Population, Trimming
 from tracknoise.tables.identity import SequenceId

@@ -1,6 +1,6 @@
 """What a run produced, as text: its answer or its tables, the path of its report, and the sequences that failed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -166,11 +166,7 @@ def summary_text(run: RunFolder) -> str:
     texts = [
         *_others(data),
         *_sizes(data),
-        *_more_accurate(data),
-        *_for_estimators(data),
-        *_fitted(data),
-        *_where_trimming_matters(data),
-        *_machines(data),
+        *("\n".join(wrapped(sentence)) for sentence in _sentences(data)),
     ]
     return "\n".join([*_truth(data), *lines[:2], "-" * len(lines[1]), *lines[2:], *texts])
 
@@ -213,23 +209,18 @@ def _with_means(data: ReportData) -> pl.DataFrame:
 
 def _with_noise(data: ReportData) -> pl.DataFrame:
     """The summary with columns of `_NOISE`: noise of one coordinate of tracks of any length, px."""
-    of_all = (
-        data["triangulated_noise"]
-        .filter(pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming)
-        .with_columns(pl.col("measure").cast(pl.String))
-    )
+    rows = data["triangulated_noise"].filter(pl.col("length_low").is_null(), coordinate="both", trimming=data.trimming)
     table = data["summary"]
     for _, measure, _ in _NOISE:
-        noise = of_all.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
+        noise = rows.filter(measure=measure).select(*POOLED, pl.col("sigma_px").alias(measure))
         table = table.join(noise, on=POOLED, how="left", nulls_equal=True, maintain_order="left")
     return table
 
 
 def _truth(data: ReportData) -> list[str]:
     """The verdict on the truth, what it changed in that of a check, and which scenes are copies, before any number."""
-    change, copies = data.truth_change, findings_of(data.tables, "copies")["text"]
-    truth = data.truth
-    texts = (*filter(None, [truth.sentence, truth.stated, change]), *copies)
+    copies = findings_of(data.tables, "copies")["text"]
+    texts = filter(None, [data.truth.sentence, data.truth.stated, data.truth_change, *copies])
     return ["\n".join([*wrapped(text), ""]) for text in texts]
 
 
@@ -241,34 +232,15 @@ def _sizes(data: ReportData) -> list[str]:
     return [f"mean: over scenes. core: of a typical scene. rms: {rms_of_tracks(Trimming.untrimmed)}{kept}."]
 
 
-def _more_accurate(data: ReportData) -> list[str]:
-    """The sentence that says which tracker is more accurate."""
-    sentence = accuracy(data)
-    return ["\n".join(wrapped(sentence))] if sentence else []
+def _sentences(data: ReportData) -> Iterator[str]:
+    """Which tracker is more accurate, what to set, what fitted points hide, where trimming matters, and on what it ran.
 
-
-def _for_estimators(data: ReportData) -> list[str]:
-    """The finding that says which noise to set in an estimator, and the trackers that it does not name."""
-    texts = [*findings_of(data.tables, "estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
-    return ["\n".join(wrapped(text)) for text in texts]
-
-
-def _where_trimming_matters(data: ReportData) -> list[str]:
-    """The finding that says where trimmed and untrimmed errors disagree."""
-    return ["\n".join(wrapped(text)) for text in findings_of(data.tables, "trimming")["text"]]
-
-
-def _machines(data: ReportData) -> list[str]:
-    """That sequences were measured on machines of different kinds, if so."""
-    mixed = mixed_kernels(data)
-    return ["\n".join(wrapped(mixed))] if mixed else []
-
-
-def _fitted(data: ReportData) -> list[str]:
-    """What errors about fitted points hide, and the noise that is corrected for the fit."""
-    if not data.truth_is_fitted:
-        return []
-    return ["\n".join(wrapped(text)) for text in findings_of(data.tables, *_FITTED_TOPICS)["text"]]
+    The finding that says what to set names the first trackers; sentences of the others follow.
+    """
+    fitted = findings_of(data.tables, *_FITTED_TOPICS)["text"].to_list() if data.truth_is_fitted else []
+    to_set = [*findings_of(data.tables, "estimator")["text"], *sentences_to_set(data)[MOST_TRACKERS:]]
+    trimming = findings_of(data.tables, "trimming")["text"]
+    return filter(None, [accuracy(data), *to_set, *fitted, *trimming, mixed_kernels(data)])
 
 
 def _others(data: ReportData) -> list[str]:

@@ -17,13 +17,7 @@ from tracknoise.analysis.gate import Gate, judge
 from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.run_changes import Asked, Compared, Comparison, RunSide, verdicts
 from tracknoise.analysis.run_inputs import read_kind_tables
-from tracknoise.analysis.scene_values import (
-    NUMBERS,
-    RunValues,
-    differences_of,
-    number_differences,
-    run_values,
-)
+from tracknoise.analysis.scene_values import NUMBERS, RunValues, differences_of, number_differences, run_values
 from tracknoise.checks import path_of, require, require_within
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.resume import LIBRARIES
@@ -125,19 +119,15 @@ def _unlike(first: OpenedRun, second: OpenedRun, key: str) -> Iterator[tuple[str
 
 def _equal(first: OpenedRun, second: OpenedRun, name: str, key: str) -> bool:
     """Whether two tables have the same content, even if their files differ."""
-    first_hash, second_hash = (run.manifest.sequences[key].sha256.get(name) for run in (first, second))
-    if first_hash == second_hash:
-        return True
-    return first.folder.sequence_table(name, key).equals(second.folder.sequence_table(name, key))
+    hashes = [run.manifest.sequences[key].sha256.get(name) for run in (first, second)]
+    tables = (run.folder.sequence_table(name, key) for run in (first, second))
+    return hashes[0] == hashes[1] or next(tables).equals(next(tables))
 
 
 def _differing(first: OpenedRun, second: OpenedRun) -> tuple[tuple[str, str, str], ...]:
     """Settings and versions that differ: name, value in the first run, value in the second."""
     first_values, second_values = (
-        {
-            **dict(dotted(run.settings)),
-            **{f"version of {name}": version for name, version in run.manifest.versions.items()},
-        }
+        {**dict(dotted(run.settings)), **{f"version of {name}": of for name, of in run.manifest.versions.items()}}
         for run in (first, second)
     )
     return tuple(

@@ -46,10 +46,7 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     for tracker in data.trackers:
         if advice := advised(data, tracker):
             sigma, innovations = (_number(advice[name]) for name in ("sigma", "innovations"))
-            factors: dict[str, float] = {
-                name: advice[name]["value"] for name in ("track_gate", "observation_gate", "knee") if name in advice
-            }
-            limit = limit_text(advice["sigma"]["kernel"], factors)
+            limit = limit_text(advice["sigma"]["kernel"], {name: row["value"] for name, row in advice.items()})
             window = advice["sigma"]["window"]
             features = int(advice["features"]["value"]) if "features" in advice else None
             yield NoiseToSet(tracker, data.colour[tracker], window, features, sigma, is_bound, limit, innovations)

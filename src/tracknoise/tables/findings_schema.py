@@ -1,4 +1,4 @@
-"""Columns of the tables that hold findings, the audit of the truth, and effects.
+"""Columns of the tables that hold findings and effects, and of those that the audit of the truth reads.
 
 Every interval states its level, its method (`kind`), and what was resampled: `scenes`, `groups` of scenes, scenes
 `within` their groups, or, if there are too few scenes, `blocks` of tracks within them. An interval from blocks holds
@@ -13,15 +13,7 @@ import polars as pl
 
 from tracknoise.inference.conventions import IntervalKind
 from tracknoise.inference.units import Resampled
-from tracknoise.tables.enumerations import (
-    Aspect,
-    Behaviour,
-    EffectIntervalKind,
-    Lookup,
-    Population,
-    Shape,
-    Weighting,
-)
+from tracknoise.tables.enumerations import Aspect, Behaviour, EffectIntervalKind, Lookup, Population, Shape, Weighting
 from tracknoise.tables.run_table import (
     COUNTED,
     ESTIMATED,

@@ -20,7 +20,6 @@ from tracknoise.topics.headline import (
     Part,
     ReportedConditions,
     RunTables,
-    by_tracker,
     curve_estimate,
     curve_rows,
     curve_scenes,
@@ -35,12 +34,10 @@ from tracknoise.words import DASH, chance, count, format_estimate, intervals_at,
 
 def bias(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether the mean error is zero at the reference age, and at any age."""
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _bias_of(tables, conditions, tracker),
-        opening=f"Bias {conditions.where(tables['summary'])}.",
+        opening=f"Bias {conditions.where(tables)}.",
         closing=_closing(conditions.reported(tables["zero_mean"])),
-        topic="bias",
         figure="error-by-tracker",
         table="zero_mean",
     )

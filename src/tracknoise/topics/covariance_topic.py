@@ -12,7 +12,7 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import Trust, Verdict
 from tracknoise.tables.trust import TRUST, AssessedTruth
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, in_brackets
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.topic import NO_ROWS, Analysis, Topic
 from tracknoise.words import SPACE, format_as, format_estimate, number, thousandths
@@ -30,12 +30,10 @@ def covariances(tables: RunTables, conditions: ReportedConditions) -> Headline |
     rows = conditions.reported(tables["own_covariances"]).filter(pl.col("at").is_null(), trimming=conditions.trimming)
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     most = "" if AssessedTruth.of(tables).verdict.verdict is Trust.trusted else "at most "
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _part(conditions.of(rows, tracker), tracker, most),
-        opening=f"Covariances that trackers predict {conditions.where(tables['summary'])}{errors}.",
+        opening=f"Covariances that trackers predict {conditions.where(tables)}{errors}.",
         closing=in_brackets(rows).strip(),
-        topic="covariances",
         figure="estimator",
         table="own_covariances",
     )

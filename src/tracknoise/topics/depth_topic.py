@@ -6,7 +6,7 @@ from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.depth_intervals import DEPTH_INTERVALS, depth_intervals
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.yardstick import shared_places
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, in_brackets
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.topic import Analysis, Topic
 from tracknoise.topics.window_topic import LEAST_WINDOWS, LONGEST_WINDOW
@@ -24,12 +24,10 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     brackets = in_brackets(conditions.reported(shares))
     enough = conditions.reported(shares).filter(pl.col("n") >= LEAST_WINDOWS, covariance=_RESIDUAL)
     shown = _at_shared_window(enough, shares)
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _depths_of(conditions.of(shown, tracker), tracker),
-        opening=f"95{SPACE}% depth intervals {conditions.where(tables['summary'])}{errors}.{_length(shown)}",
+        opening=f"95{SPACE}% depth intervals {conditions.where(tables)}{errors}.{_length(shown)}",
         closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
-        topic="depth",
         figure="estimator",
         table="depth_intervals",
     )

@@ -15,7 +15,7 @@ from tracknoise.analysis.places_found import (
 )
 from tracknoise.inference.estimates import Estimate
 from tracknoise.tables.enumerations import EdgeSide, Surrounding
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables
 from tracknoise.topics.measures import short
 from tracknoise.topics.topic import NO_ROWS, Topic, pooled
 from tracknoise.words import format_estimate, percent, px
@@ -28,12 +28,10 @@ _MOST = 0.5
 
 def depth_edges(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether features beside depth edges have other mean errors than all others."""
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _edges_of(conditions.of(tables["surrounding_errors"], tracker), conditions, tracker),
-        opening=f"Depth edges {conditions.where(tables['summary'])}, in untrimmed errors of visible features.",
+        opening=f"Depth edges {conditions.where(tables)}, in untrimmed errors of visible features.",
         closing="A feature beside a depth edge has two surfaces in its window.",
-        topic="depth edges",
         figure="error-by-place",
         table="surrounding_errors",
     )

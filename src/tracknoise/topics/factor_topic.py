@@ -20,7 +20,7 @@ from tracknoise.tables.findings_schema import CURVES, EFFECTS
 from tracknoise.tables.schema import empty
 from tracknoise.topics.answer_summary import Answer, Judgement, Measure
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, TrackerPart, ids_of, leading
-from tracknoise.topics.measures import answer, reported_conditions, shown_size
+from tracknoise.topics.measures import answer, shown_size
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, joined
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Topic
@@ -91,7 +91,6 @@ def factors(tables: RunTables, conditions: ReportedConditions) -> Headline | Non
     closing = [] if yes or no else _undecided(rows)
     text = " ".join([*opening, *(part.text for part in parts), *closing])
     return Headline(
-        "factors",
         text,
         "factor-effects",
         "dependence",
@@ -377,7 +376,7 @@ def _core_or_rms(data: RunData) -> str:
 
 def changes(data: RunData) -> list[str]:
     """What each factor changes, and what is open, in a sentence; none where no question was asked."""
-    rows = asked(data["dependence"], reported_conditions(data, data.slowest))
+    rows = asked(data["dependence"], data.conditions())
     groups = list(rows.group_by("factor", maintain_order=True))
     told = [_changed(f"The {factor_name(str(name))}", of_factor) for (name,), of_factor in groups[:_MOST_NAMED]]
     return [*told, "More factors are in the table of effects."] if len(groups) > len(told) else told

@@ -18,17 +18,8 @@ from tracknoise.tables.enumerations import Axis, Behaviour, Trimming, Verdict
 from tracknoise.tables.findings_schema import ASPECT_CURVES, CHANGES
 from tracknoise.tables.schema import INCREMENTS
 from tracknoise.topics.answer_summary import Measure
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.topics.measures import (
-    Subject,
-    answer,
-    card_number,
-    first,
-    reported_conditions,
-    shown_size,
-    trimmed_word,
-    with_interval,
-)
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables
+from tracknoise.topics.measures import Subject, answer, card_number, first, shown_size, trimmed_word, with_interval
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, joined
 from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
@@ -69,12 +60,10 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     shared = f" Growth is {ages[0]}." if len(set(ages)) == 1 else ""
     beside = _BESIDE_MODELS if conditions.trimmings[0] == Trimming.untrimmed else ""
     errors = f"{trimmed_word(conditions)}errors of the same tracks"
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
-        opening=f"Growth of {errors} {conditions.where(tables['summary'])}.{shared}",
+        opening=f"Growth of {errors} {conditions.where(tables)}.{shared}",
         closing=f"Scenes count alike. Growth by less than the margin counts as none.{beside}",
-        topic="growth",
         figure="time-structure",
         table="time_structure",
     )
@@ -183,7 +172,7 @@ def growth_verdict(data: RunData, conditions: ReportedConditions, row: Mapping[s
 
 def growth_message(data: RunData) -> str:
     """The error that grows most, where growth is established; empty where it is not."""
-    conditions = reported_conditions(data, data.slowest)
+    conditions = data.conditions()
     messages = []
     for row in _fits(data).to_dicts():
         value = row["growth_ratio"]
@@ -196,7 +185,7 @@ def growth_message(data: RunData) -> str:
 def behaviour(data: RunData, tracker: str) -> str | None:
     """How the error of a tracker grows, where this is established and the same in u and in v; otherwise None."""
     rows = _fits(data).filter(tracker=tracker).to_dicts()
-    conditions = reported_conditions(data, data.slowest)
+    conditions = data.conditions()
     behaviours = {(row["verdict"], growth_verdict(data, conditions, row, row["growth_to"])) for row in rows}
     if len(rows) < 2 or len(behaviours) > 1:
         return None

@@ -60,8 +60,6 @@ class Headline:
 
     Attributes
     ----------
-    topic
-        One word.
     text
         Plain text.
     figure
@@ -76,7 +74,6 @@ class Headline:
         What the text is made of, where it has a part for each tracker.
     """
 
-    topic: str
     text: str
     figure: str
     table: str = _NUMBERS
@@ -86,17 +83,16 @@ class Headline:
     closing: str = ""
     parts: tuple["TrackerPart", ...] = ()
 
-    def row(self, rank: int) -> dict[str, Any]:
-        """The headline as a row of `FINDINGS`."""
-        texts = {
-            name: getattr(self, name) for name in ("topic", "text", "figure", "table", "brief", "opening", "closing")
-        }
+    def row(self, topic: str, rank: int) -> dict[str, Any]:
+        """The headline of a topic as a row of `FINDINGS`."""
+        texts = {name: getattr(self, name) for name in ("text", "figure", "table", "brief", "opening", "closing")}
         numbers = {name: getattr(self.estimate, name, None) for name in ("value", "low", "high", "unit")}
         leading_id = getattr(self.estimate, "id", None)
         parts = self.parts or (TrackerPart(None, self.text, () if leading_id is None else (leading_id,)),)
         ids = [leading_id, *(name for part in parts for name in part.rows)]
         return {
             "rank": rank,
+            "topic": topic,
             **texts,
             **numbers,
             "rows": list(dict.fromkeys(filter(None, ids))),
@@ -116,39 +112,6 @@ class TrackerPart:
 def ids_of(estimates: Sequence[Estimate]) -> tuple[str, ...]:
     """Ids of the rows of results that numbers come from."""
     return tuple(dict.fromkeys(estimate.id for estimate in estimates if estimate.id is not None))
-
-
-def by_tracker(
-    trackers: Sequence[str],
-    describe: Callable[[str], Part | None],
-    *,
-    opening: str,
-    closing: str = "",
-    topic: str,
-    figure: str,
-    table: str = _NUMBERS,
-) -> Headline | None:
-    """A headline with a part for each tracker; None where there is no part."""
-    described = {tracker: part for tracker in trackers if (part := describe(tracker))}
-    if not described:
-        return None
-    named = dict(list(described.items())[:MOST_TRACKERS])
-    more = len(described) - len(named)
-    sentences = [opening, *(part.text for part in named.values())]
-    sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
-    text = " ".join(filter(None, [*sentences, closing]))
-    parts = tuple(TrackerPart(tracker, part.text, ids_of(part.estimates)) for tracker, part in described.items())
-    return Headline(
-        topic,
-        text,
-        figure,
-        table,
-        leading([estimate for part in named.values() for estimate in part.estimates]),
-        brief=brief_of(named.values()),
-        opening=opening,
-        closing=closing.strip(),
-        parts=parts,
-    )
 
 
 def brief_of(parts: Iterable[Part]) -> str:
@@ -239,6 +202,36 @@ class ReportedConditions:
         """Rows of the conditions of all trackers that are reported."""
         return pl.concat([table.clear(), *(self.of(table, tracker) for tracker in self.trackers)])
 
+    def headline(
+        self,
+        describe: Callable[[str], Part | None],
+        *,
+        opening: str,
+        closing: str = "",
+        figure: str,
+        table: str = _NUMBERS,
+    ) -> Headline | None:
+        """A headline with a part for each tracker; None where there is no part."""
+        described = {tracker: part for tracker in self.trackers if (part := describe(tracker))}
+        if not described:
+            return None
+        named = dict(list(described.items())[:MOST_TRACKERS])
+        more = len(described) - len(named)
+        sentences = [opening, *(part.text for part in named.values())]
+        sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
+        text = " ".join(filter(None, [*sentences, closing]))
+        parts = tuple(TrackerPart(tracker, part.text, ids_of(part.estimates)) for tracker, part in described.items())
+        return Headline(
+            text,
+            figure,
+            table,
+            leading([estimate for part in named.values() for estimate in part.estimates]),
+            brief=brief_of(named.values()),
+            opening=opening,
+            closing=closing.strip(),
+            parts=parts,
+        )
+
     @property
     def at_zero(self) -> int:
         """Age or frame at which errors are zero."""
@@ -265,11 +258,9 @@ class ReportedConditions:
         """What root mean square errors are called whose features are pooled over scenes."""
         return rms_of_tracks(self.trimming)
 
-    def where(self, conditions: pl.DataFrame) -> str:
-        """Write the speed, the parts of the view of which `conditions` have several, and whether scenes are few.
-
-        `conditions`: schema `SUMMARY`.
-        """
+    def where(self, tables: RunTables) -> str:
+        """Write the speed, the parts of the view of which a run has several, and whether scenes are few."""
+        conditions = tables["summary"]
         several = [name for name in VIEW if conditions[name].n_unique() > 1]
         view = {name: getattr(self.reference, name) for name in VIEW}
         n_scenes = self.reported(conditions)["n_scenes"].max()

@@ -40,9 +40,9 @@ def headline_table(tables: RunTables, conditions: ReportedConditions) -> pl.Data
         `figure` names a section of the report; `table` the table that holds the numbers.
     """
     basis = basis_of(AssessedTruth.of(tables).verdict, is_fitted=conditions.fitted)
-    makes = [topic.headline for topic in TOPICS if topic.headline is not None and basis in topic.holds]
-    headlines = [headline for make in makes if (headline := make(tables, conditions))]
-    rows = [headline.row(rank) for rank, headline in enumerate(headlines, start=1)]
+    makes = [(topic.name, topic.headline) for topic in TOPICS if topic.headline is not None and basis in topic.holds]
+    headlines = [(name, headline) for name, make in makes if (headline := make(tables, conditions))]
+    rows = [headline.row(name, rank) for rank, (name, headline) in enumerate(headlines, start=1)]
     return check(pl.DataFrame(rows, schema=dict(FINDINGS)), FINDINGS, FINDINGS.name)
 
 

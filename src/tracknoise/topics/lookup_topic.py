@@ -26,7 +26,7 @@ def noise_by_condition(tables: RunTables, _conditions: ReportedConditions) -> He
         return None
     first = next(row for row in _finest_first(tables["noise_lookup"], Product.error) if row["against"] == Lookup.one)
     text, gain = " ".join(sentences), _gain(first)
-    return Headline("noise by condition", text, "estimator", "noise_lookup", gain, brief=brief(tables["noise_lookup"]))
+    return Headline(text, "estimator", "noise_lookup", gain, brief=brief(tables["noise_lookup"]))
 
 
 def lookup_sentences(lookups: pl.DataFrame, product: Product) -> list[str]:

@@ -9,7 +9,6 @@ import polars as pl
 
 from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import MIN_SCENES, Resampled
-from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.topics.answer_summary import Answer, Number
 from tracknoise.topics.headline import ReportedConditions
@@ -52,7 +51,7 @@ class Subject:
     @cached_property
     def conditions(self) -> ReportedConditions:
         """Which condition."""
-        return reported_conditions(self.data, self.data.slowest if self.speed is None else self.speed)
+        return self.data.conditions(self.speed)
 
     @cached_property
     def row(self) -> dict[str, Any] | None:
@@ -163,13 +162,3 @@ def larger(found: dict[str, Estimate | None]) -> tuple[str, Estimate] | None:
         return None
     name = max(estimates, key=lambda axis: abs(estimates[axis].value or 0.0))
     return name, estimates[name]
-
-
-def reported_conditions(data: RunData, speed: int) -> ReportedConditions:
-    """Every tracker at a speed, in the view that the report shows."""
-    key_frames = {name: data.key_frame(name) for name in data.directions}
-    frames = {name: frame for name, frame in key_frames.items() if frame is not None}
-    reference = ReferenceCondition(**data.view, speed=speed, key_frames=frames)
-    return ReportedConditions(
-        reference, data.trackers, data.population, data.percentile, fitted=data.truth_is_fitted, trimming=data.trimming
-    )

@@ -18,7 +18,7 @@ from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Axis, Trimming
 from tracknoise.tables.quantities import QUANTITIES, RATIOS, Better, ComparedBy
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables
 from tracknoise.topics.measures import first
 from tracknoise.topics.topic import NO_ROWS, Curve, Topic, pooled
 from tracknoise.words import bounds_text, format_estimate
@@ -34,11 +34,9 @@ def ratios(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     enough = tables["ratios"].filter(pl.col("n") >= _LEAST, trimming=conditions.trimming, axis=conditions.axis)
     near = conditions.reported(enough).filter((pl.col("at") - conditions.at_zero).abs() <= REFERENCE_AGE)
     rows = near.join(shared_places(near, ["quantity"], "at"), on=["quantity", "at"], how="semi", maintain_order="left")
-    headline = by_tracker(
-        conditions.trackers,
+    headline = conditions.headline(
         lambda tracker: _ratios_of(rows, conditions, tracker),
-        opening=f"Shares of features {conditions.where(tables['summary'])}.",
-        topic="ratios",
+        opening=f"Shares of features {conditions.where(tables)}.",
         figure="error-by-tracker",
         table="ratios",
     )

@@ -9,6 +9,7 @@ import polars as pl
 
 from tracknoise.statistics.definitions import dropped_above, lightings_in_order
 from tracknoise.statistics.truth_errors import FLOOR_COLUMNS, with_floor
+from tracknoise.statistics.yardstick import ReferenceCondition
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import Aspect, Trimming, Weighting
 from tracknoise.tables.findings_schema import CURVES
@@ -18,7 +19,7 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import AssessedTruth, TruthVerdict
 from tracknoise.tables.truth_audit import AuditTables
 from tracknoise.topics.bands import AGE, BOUNDS, FRAME, Axis, of_scalar, with_bounds
-from tracknoise.topics.headline import intervals_of
+from tracknoise.topics.headline import ReportedConditions, intervals_of
 from tracknoise.truth_faults.check_change import truth_change
 from tracknoise.words import view_text
 
@@ -272,6 +273,14 @@ class RunData:
         """Position of the tracker of a row in every list of trackers; others come last."""
         order = {name: place for place, name in enumerate(self.trackers)}
         return pl.col("tracker").replace_strict(order, return_dtype=pl.Int64, default=len(order))
+
+    def conditions(self, speed: int | None = None) -> ReportedConditions:
+        """Every tracker at a speed, by default the lowest, in the `view`."""
+        frames = {name: frame for name in self.directions if (frame := self.key_frame(name)) is not None}
+        at = ReferenceCondition(**self.view, speed=self.slowest if speed is None else speed, key_frames=frames)
+        return ReportedConditions(
+            at, self.trackers, self.population, self.percentile, fitted=self.truth_is_fitted, trimming=self.trimming
+        )
 
     def place(self, tracker: str) -> int:
         """Position of a tracker in every list of trackers."""

@@ -39,7 +39,7 @@ def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headlin
         ]
     )
     brief = "Some scenes have the images of others, so that intervals are too narrow."
-    return Headline("copies", text, "limits", "counts", brief=brief)
+    return Headline(text, "limits", "counts", brief=brief)
 
 
 def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline | None:
@@ -55,7 +55,7 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     opening = of_all if few.height == measured.height else f"{affected} few scenes. That is only {scenes}."
     text = f"{opening} {_limits(numbers[0], intervals_of(tables))}"
     brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
-    return Headline("scenes", text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
+    return Headline(text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
 
 
 def _limits(fewest: int, intervals: pl.DataFrame) -> str:
@@ -87,7 +87,7 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     else:
         brief = f"{opening}; intervals allow for it."
         text = f"{opening}. Intervals resample whole groups."
-    return Headline("groups", text, "measured", estimate=Estimate(len(groups), unit="groups"), brief=brief)
+    return Headline(text, "measured", estimate=Estimate(len(groups), unit="groups"), brief=brief)
 
 
 _HOLD: dict[str, tuple[str, Verdict]] = {

@@ -13,8 +13,8 @@ from tracknoise.inference.estimates import Estimate
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.enumerations import Axis, Shape, Verdict
 from tracknoise.topics.answer_summary import Measure
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker
-from tracknoise.topics.measures import Subject, answer, card_number, first, reported_conditions, with_interval
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables
+from tracknoise.topics.measures import Subject, answer, card_number, first, with_interval
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import reasons
 from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
@@ -26,11 +26,9 @@ _MEANINGS = {Shape.contaminated: " (as if some came from a wider Gaussian)"}
 
 def shape(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether errors are Gaussian, in the band of ages that contains the reference age."""
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _shape_of(tables, conditions, tracker),
-        opening=f"Shape of the error distribution {conditions.where(tables['summary'])}.",
-        topic="shape",
+        opening=f"Shape of the error distribution {conditions.where(tables)}.",
         figure="gaussianity",
         table="gaussianity",
     )
@@ -137,10 +135,9 @@ def _at_reference(subject: Subject, trimming: str) -> dict[str, Any] | None:
 
 def shape_columns(data: RunData) -> list[Column]:
     """Verdicts around the reference age, one for each trimming."""
-    trimmings = reported_conditions(data, data.slowest).trimmings
     return [
         Column("errors" if data.percentile is None else trimming, partial(_shape_cell, trimming=trimming), "Gaussian?")
-        for trimming in trimmings
+        for trimming in data.conditions().trimmings
     ]
 
 

@@ -18,7 +18,6 @@ from tracknoise.topics.headline import (
     Part,
     ReportedConditions,
     RunTables,
-    by_tracker,
     curve_estimate,
     curve_rows,
     curve_scenes,
@@ -174,12 +173,10 @@ def _of_trackers(
     what: str,
     closing: str,
 ) -> Headline | None:
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: describe(tables, conditions, tracker),
-        opening=f"Error size {conditions.where(tables['summary'])}, {what}.{_places(tables, conditions)}",
+        opening=f"Error size {conditions.where(tables)}, {what}.{_places(tables, conditions)}",
         closing=closing.strip(),
-        topic="noise",
         figure=_SECTION,
     )
 
@@ -211,11 +208,9 @@ def _brackets(tables: RunTables, conditions: ReportedConditions, weighting: str)
 def survivorship(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether long-lived tracks have smaller errors than all tracks."""
     errors = f"{trimmed_word(conditions)}root mean square errors, {POOLED_WORDS}"
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _survivorship_of(tables, conditions, tracker),
-        opening=f"Survivorship bias {conditions.where(tables['summary'])}, in {errors}.",
-        topic="survivorship",
+        opening=f"Survivorship bias {conditions.where(tables)}, in {errors}.",
         figure="survivorship-bias",
     )
 

@@ -12,15 +12,7 @@ from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
-from tracknoise.topics.headline import (
-    Headline,
-    Part,
-    ReportedConditions,
-    RunTables,
-    by_tracker,
-    scalar_estimate,
-    scalar_scenes,
-)
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, scalar_estimate, scalar_scenes
 from tracknoise.topics.measures import Subject, card_number, estimate_cell, first, with_interval
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Column, Topic
 from tracknoise.words import count, format_estimate, percent
@@ -45,12 +37,10 @@ _FAILURE = (
 
 def outliers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """What share of its features each tracker rejects."""
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _outliers_of(tables, conditions, tracker),
-        opening=f"Outlier ratio {conditions.where(tables['summary'])}.",
+        opening=f"Outlier ratio {conditions.where(tables)}.",
         closing=_ONE_SEED if tables["seed_spread"].is_empty() else "",
-        topic="outliers",
         figure="outlier-ratio",
     )
 
@@ -87,13 +77,11 @@ def lifetimes(tables: RunTables, conditions: ReportedConditions) -> Headline | N
     horizon = next((frames for frames in restricted if frames is not None), None)
     has_causes = any(_reports_causes(conditions.of(tables["summary"], name)) for name in conditions.trackers)
     means = "" if horizon is None else f", and means restricted to {count(int(horizon), 'frame')}"
-    where = conditions.where(tables["summary"])
-    return by_tracker(
-        conditions.trackers,
+    where = conditions.where(tables)
+    return conditions.headline(
         lambda tracker: _lifetime_of(tables, conditions, tracker),
         opening=f"Median lifetime {where} (Kaplan-Meier, tracks pooled over scenes){means}.",
         closing=_FAILURE if has_causes and horizon is not None else "",
-        topic="lifetimes",
         figure="lifetimes",
     )
 

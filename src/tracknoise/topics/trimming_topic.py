@@ -32,7 +32,7 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
     answers = [changed, *verdicts] if verdicts else []
     orders = [*rankings, "Whether this holds in other scenes was not tested."] if rankings else []
     brief = sentences_of(rankings[0])[0] if rankings else changed
-    return Headline("trimming", " ".join([*answers, *orders]), "trimming", "summary", brief=brief)
+    return Headline(" ".join([*answers, *orders]), "trimming", "summary", brief=brief)
 
 
 def _rankings(tables: RunTables, conditions: ReportedConditions) -> list[str]:

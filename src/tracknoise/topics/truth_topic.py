@@ -30,7 +30,6 @@ from tracknoise.topics.headline import (
     RunTables,
     TrackerPart,
     brief_of,
-    by_tracker,
     ids_of,
     in_brackets,
     leading,
@@ -49,12 +48,10 @@ _LEAST_SHARE = 0.1
 
 def pose_errors(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Whether the errors of features are a motion of the camera that the stated poses do not have."""
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _share_of(tables["pose_share"], conditions, tracker),
-        opening=f"Errors that all features of a frame share {conditions.where(tables['summary'])}.",
+        opening=f"Errors that all features of a frame share {conditions.where(tables)}.",
         closing=f"Outliers do not count, nor do ages above {REFERENCE_AGE}.",
-        topic="pose errors",
         figure="pose-errors",
         table="pose_share",
     )
@@ -97,14 +94,11 @@ def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headl
     if not established:
         return None
     more = len(established) - MOST_TRACKERS
-    opening = (
-        f"Mean differences of positions between trackers at the same corners {conditions.where(tables['summary'])}."
-    )
+    opening = f"Mean differences of positions between trackers at the same corners {conditions.where(tables)}."
     remaining = [f"The table has {count(more, 'other pair')}."] if more > 0 else []
     closing = " ".join([*remaining, "No error of the truth can cause such a difference."])
     named = established[:MOST_TRACKERS]
     return Headline(
-        "differences",
         " ".join([opening, *(part.text for part in named), closing]),
         "between-trackers",
         "tracker_differences",
@@ -152,7 +146,7 @@ _MEASURES = {
 
 def self_referential(_tables: RunTables, _conditions: ReportedConditions) -> Headline:
     """Say what errors about fitted points cannot contain."""
-    return Headline("truth", f"{SELF_REFERENTIAL} {_WITHHELD}", "limits", "triangulated_noise", brief=_HIDDEN)
+    return Headline(f"{SELF_REFERENTIAL} {_WITHHELD}", "limits", "triangulated_noise", brief=_HIDDEN)
 
 
 def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -161,12 +155,10 @@ def noise(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
         pl.col("length_low").is_null(), trimming=conditions.trimming, coordinate="both"
     )
     brackets = in_brackets(conditions.reported(rows))
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _noise_of(conditions.of(rows, tracker), tracker, at_most(AssessedTruth.of(tables).verdict)),
-        opening=f"Noise of one coordinate {conditions.where(tables['summary'])}, as standard deviation.",
+        opening=f"Noise of one coordinate {conditions.where(tables)}, as standard deviation.",
         closing=f"A track of N observations has 2 N - 3 degrees of freedom, which the noise allows for.{brackets}",
-        topic="noise",
         figure="findings",
         table="triangulated_noise",
     )
@@ -197,7 +189,7 @@ def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headl
     rows = (first(conditions.of(tables["summary"], tracker)) for tracker in trackers)
     excess = (excessive_floor(row, Trimming.untrimmed) for row in rows if row is not None)
     text = " ".join([trust.sentence, *list(filter(None, excess))[:1]])
-    return Headline("truth", text, "truth", TRUST.name, brief=_BRIEF[trust.verdict])
+    return Headline(text, "truth", TRUST.name, brief=_BRIEF[trust.verdict])
 
 
 _BRIEF = {

@@ -18,8 +18,8 @@ from tracknoise.inference.units import MIN_SCENES
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.enumerations import Trimming, Trust
 from tracknoise.tables.trust import AssessedTruth
-from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, by_tracker, in_brackets
-from tracknoise.topics.measures import reported_conditions, short
+from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, in_brackets
+from tracknoise.topics.measures import first, short
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import joined
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Topic
@@ -41,22 +41,26 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     rows = conditions.reported(tables["advice"])
     if rows.is_empty():
         return None
-    first = rows.row(0, named=True)
-    summary = conditions.reported(tables["summary"])
-    lifetimes = dict(summary.select("tracker", "median_lifetime").iter_rows())
+    common = rows.row(0, named=True)
     windows = {_windows(of_tracker.to_dicts()) for _, of_tracker in rows.group_by("tracker")}
     alike = f", {windows.pop()}" if len(windows) == 1 else ""
-    return by_tracker(
-        conditions.trackers,
-        lambda tracker: _advised(
-            conditions.of(rows, tracker), tables, tracker, lifetimes.get(tracker), with_windows=not alike
-        ),
-        opening=f"Noise to set in {estimator(first['estimator']).title}{alike} {conditions.where(tables['summary'])}.",
-        closing=f"{_right(first['purpose'], rows)}{_simulated(first)}{_between_scenes(rows)}",
-        topic="estimator",
+
+    def described(tracker: str) -> Part | None:
+        lifetime = _median_lifetime(tables, conditions, tracker)
+        return _advised(conditions.of(rows, tracker), tables, tracker, lifetime, with_windows=not alike)
+
+    return conditions.headline(
+        described,
+        opening=f"Noise to set in {estimator(common['estimator']).title}{alike} {conditions.where(tables)}.",
+        closing=f"{_right(common['purpose'], rows)}{_simulated(common)}{_between_scenes(rows)}",
         figure="estimator",
         table="advice",
     )
+
+
+def _median_lifetime(tables: RunTables, conditions: ReportedConditions, tracker: str) -> int | None:
+    summary = first(conditions.of(tables["summary"], tracker))
+    return None if summary is None else summary["median_lifetime"]
 
 
 def _windows(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -127,12 +131,10 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     brackets = in_brackets(pl.concat([windows.clear(), *told]))
     errors = "" if conditions.percentile is None else f", from {conditions.trimming} errors"
     of_length = "" if length is None else f" Windows have {length} frames."
-    return by_tracker(
-        conditions.trackers,
+    return conditions.headline(
         lambda tracker: _noise_of(windows, length, tables, conditions, tracker),
-        opening=f"Noise for the depths of points {conditions.where(tables['summary'])}{errors}.{of_length}",
+        opening=f"Noise for the depths of points {conditions.where(tables)}{errors}.{of_length}",
         closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
-        topic="depth noise",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
     )
@@ -263,7 +265,7 @@ def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedCon
 
 def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """What to set in the estimator of the experiment, rows of `ADVICE` by quantity; none where it is unknown."""
-    rows = reported_conditions(data, data.slowest).of(data["advice"], tracker)
+    rows = data.conditions().of(data["advice"], tracker)
     return {row["quantity"]: row for row in rows.to_dicts()}
 
 
@@ -283,8 +285,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     if not advice:
         return ""
     sigma, innovations = advice["sigma"], advice["innovations"]
-    summary = reported_conditions(data, data.slowest).of(data["summary"], tracker)
-    (lifetime,) = summary["median_lifetime"][:1].to_list() or [None]
+    lifetime = _median_lifetime(data.tables, data.conditions(), tracker)
     caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
@@ -349,7 +350,7 @@ def _certain(quantities: dict[str, dict[str, Any]]) -> str:
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
     """Quantities of the windows that sentences are about, by name; none where points are fitted to whole tracks."""
-    conditions = reported_conditions(data, data.slowest)
+    conditions = data.conditions()
     length = None if data.truth_is_fitted else shown_window(data["window_sigmas"], conditions)
     if length is None:
         return {}

@@ -36,8 +36,7 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
         return trust
     better = wrapped(_better(data))
     told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
-    windows = windows_of_advice(data) if told else ""
-    common = wrapped(f"Numbers to set are for {windows}.") if windows else []
+    common = wrapped(_common(data)) if told else []
     room = most - len(trust) - len(common)
     if _fitting(told, room - len(better)) < _fitting(told, room):  # all that can be set goes before what is better
         better = []
@@ -63,6 +62,12 @@ def _fitting(told: Sequence[Sequence[str]], room: int) -> int:
 
 def _flat(told: Iterable[Iterable[str]]) -> list[str]:
     return [line for lines in told for line in lines]
+
+
+def _common(data: ReportData) -> str:
+    """For which windows the numbers to set are; empty where they differ, or there are none."""
+    windows = windows_of_advice(data)
+    return f"Numbers to set are for {windows}." if windows else ""
 
 
 def sentences_to_set(data: ReportData) -> list[str]:
@@ -108,7 +113,7 @@ def most_important(data: ReportData, most: int) -> list[str]:
     """
     if data.truth.are_tracks_wrong:
         return [text for text in _trust(data) if text]
-    answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _better(data)], _trust(data))
+    answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _common(data), _better(data)], _trust(data))
     chosen = list[str]()
     for text in filter(None, [*answers, *changes(data), *_shown(data)]):
         if len(sentences_of(joined([*chosen, text]))) > most:

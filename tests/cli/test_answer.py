@@ -2,8 +2,10 @@
 
 import pytest
 
+from tracknoise.cli.run_answer import most_important
 from tracknoise.cli.run_summary import MOST_LINES, print_results
 from tracknoise.cli.terminal import Terminal
+from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.sentences import sentences_of
@@ -41,6 +43,15 @@ def test_the_verdict_on_the_truth_comes_before_numbers_that_it_forbids(seven, mo
     first = verdict in (Trust.not_trusted, Trust.unknown)
     assert lines[0 if first else -1] == f"Truth: {verdict}. A reason. Next: Mend it."
     assert any(line.startswith(TRACKERS[0]) for line in lines)
+
+
+def test_few_sentences_say_what_to_set_before_all_reasons(seven, monkeypatch):
+    reason = " ".join(f"Reason {place}." for place in range(6))
+    verdict = TruthVerdict(Trust.unknown, "A reason.", "Mend it.", stated=reason)
+    monkeypatch.setattr(TruthVerdict, "of", lambda trust: verdict)
+    texts = most_important(ReportData.of(seven), 8)
+    assert texts[0].startswith("Truth: unknown.")
+    assert any(text.startswith(TRACKERS[0]) for text in texts)
 
 
 @pytest.mark.parametrize("table", [False, True])

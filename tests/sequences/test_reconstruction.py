@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
 from tracknoise.sequences.reader_registry import open_sequence
-from tracknoise.sequences.reconstruction import reconstruct
+from tracknoise.sequences.reconstruction import _written, reconstruct
 from tracknoise.sequences.views import chosen_frames
 
 pytestmark = pytest.mark.skipif(importlib.util.find_spec("pycolmap") is None, reason="pycolmap is not installed")
@@ -31,3 +31,8 @@ def test_a_camera_that_only_turns_gives_no_poses():
     with pytest.raises(DataError, match="reconstructs no poses") as caught:
         reconstruct(replace(walk, world_from_camera=poses))
     assert "\n" not in str(caught.value)
+
+
+def test_parameters_are_written_as_colmap_reads_them() -> None:
+    """Files of OpenCV give numbers of NumPy, whose representation has their type."""
+    assert _written((np.float64(346.4), 1, 0.25)) == "346.4,1.0,0.25"

@@ -132,6 +132,15 @@ def test_an_exact_truth_is_said_to_be_without_fault(exact) -> None:
     assert exact.audit_curves["correction"].unique().to_list() == ["measured"]
 
 
+def test_beside_refined_poses_no_error_is_excluded() -> None:
+    """Poses that were fitted to tracks with a wrong focal length hide it."""
+    samples = replace(make_samples(np.random.default_rng(1), WORLD, theta_of({})), refined=True)
+    found = tables_of(samples, "made-up")
+    assert found.audit["visible_above"].null_count() == found.audit.height
+    every = audit_sentences(found.audit, every=True)
+    assert "No error of the focal length was found beside refined poses, which may absorb one." in every
+
+
 def test_tables_are_shown_as_text(faulty) -> None:
     cells = parameter_cells(faulty.audit)
     assert cells.rows[0][:2] == ["alone", "focal length"]

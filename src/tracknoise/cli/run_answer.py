@@ -113,13 +113,15 @@ def most_important(data: ReportData, most: int) -> list[str]:
     """
     if data.truth.are_tracks_wrong:
         return [text for text in _trust(data) if text]
-    answers = _in_order(data, [*sentences_to_set(data)[:MOST_TRACKERS], _common(data), _better(data)], _trust(data))
+    to_set, trust = [*sentences_to_set(data)[:MOST_TRACKERS], _common(data)], _trust(data)
+    answers = _in_order(data, [*to_set, _better(data)], trust)
+    shown = list(filter(None, [*answers, *changes(data), *_shown(data)]))
     chosen = list[str]()
-    for text in filter(None, [*answers, *changes(data), *_shown(data)]):
+    for text in dict.fromkeys([trust[0], *filter(None, to_set), *shown]):  # the answers go before their reasons
         if len(sentences_of(joined([*chosen, text]))) > most:
             break
         chosen.append(text)
-    return chosen
+    return [text for text in shown if text in chosen]
 
 
 def _shown(data: ReportData) -> list[str]:

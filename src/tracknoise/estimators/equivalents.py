@@ -318,7 +318,8 @@ def _root(square: float, low: float, high: float) -> Interval:
 def _state(fitted: "FittedComponents", mean: MeanSquares, free: Mapping[Purpose, Interval]) -> dict[Purpose, Interval]:
     """With the prior A on the first direction; where A is 0, the first observation of a track is exact.
 
-    Where only A is not 0, all other observations are exact, and sigma is 0.
+    Where only A is not 0, all other observations are exact, and sigma is 0. It is 0, too, where blocks of few tracks
+    leave no positive mean square for a free landmark: it is not determined then, as that is not.
     """
     first = fitted.components["first"].sigma.value
     if first == 0.0:
@@ -332,7 +333,10 @@ def _state(fitted: "FittedComponents", mean: MeanSquares, free: Mapping[Purpose,
         return np.log(np.maximum(mean.mean(float(np.exp(log_sigma)), first, some), 1e-300))
 
     start = float(np.log(free[Purpose.ALL_POSES].value)) + _FIRST_TRIED
-    ratios = np.exp(shared_roots(excess, start, close=_CLOSE)) / np.sqrt(mean.mean(1.0, None, some))
+    squares = mean.mean(1.0, None, some)
+    if not (squares > 0.0).all():
+        return dict.fromkeys(Purpose, Interval(value=0.0))
+    ratios = np.exp(shared_roots(excess, start, close=_CLOSE)) / np.sqrt(squares)
     pairs = zip(Purpose, ratios.tolist(), strict=True)
     return {purpose: _scaled(free[purpose], free[purpose].value * ratio) for purpose, ratio in pairs}
 

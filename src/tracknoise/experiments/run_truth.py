@@ -38,7 +38,8 @@ def _audited(run: RunFolder, key: str, entry: SequenceEntry) -> AuditedTables:
     """What a sequence keeps for the audit; poses at other times, and repeats of depths, only where it has them."""
     names = "audit_samples", "cameras", "poses", *(name for name in ("path", "depth_repeats") if name in entry.sha256)
     tables = {name.removeprefix("audit_"): run.sequence_table(name, key) for name in names}
-    return AuditedTables(**tables, z_depth_from=entry.z_depth_from)
+    leads = entry.pose_fit is not None and entry.pose_fit.leads
+    return AuditedTables(**tables, z_depth_from=entry.z_depth_from, refined=leads)
 
 
 def audited_keys(manifest: Manifest, experiment: Experiment) -> list[str]:

@@ -12,7 +12,7 @@ exceed the errors of the reconstruction by far.
 
 import math
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from itertools import combinations
 from pathlib import Path
 from types import ModuleType
@@ -100,7 +100,7 @@ def reconstruct(sequence: Sequence, *, say: Callable[[str], None] = lambda _: No
         models.mkdir()
         say(f"reconstructing poses from {counted(len(sequence), 'image')}: features")
         _write_images(sequence, images)
-        reader = colmap.ImageReaderOptions(camera_model=model, camera_params=",".join(map(repr, parameters)))
+        reader = colmap.ImageReaderOptions(camera_model=model, camera_params=_written(parameters))
         common = {
             "camera_mode": colmap.CameraMode.SINGLE,
             "image_names": sorted(path.name for path in images.iterdir()),
@@ -225,6 +225,11 @@ def trajectory_text(sequence: Sequence, poses: NDArray[np.float64], heading: str
 def _stamp(ns: int) -> str:
     sign, seconds = "-" * (ns < 0), divmod(abs(ns), 10**9)
     return f"{sign}{seconds[0]}.{seconds[1]:09d}"
+
+
+def _written(parameters: Iterable[float]) -> str:
+    """Parameters of a camera as COLMAP reads them, whichever type of numbers a file gave."""
+    return ",".join(repr(float(parameter)) for parameter in parameters)
 
 
 def _camera(camera: CameraModel, source: str) -> tuple[str, tuple[float, ...]]:

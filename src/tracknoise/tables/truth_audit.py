@@ -57,13 +57,13 @@ AUDIT = RunTable(
 
 `family` is one of `tracknoise.truth_faults.fault_parameters.Family`. Rows of the family `alone` have the verdict on the
 parameter, its sentence, and `visible_above`: 90 % of the errors of this size would have been named; null where none
-would. What was not tried has no numbers. rank numbers the named faults from 1. p is adjusted for all parameters by
-Holm's method in the families `alone` and `beside_bias`. gain is the share of the second moment in scaled units,
-outliers cut, that the correction removes from held-out units; in the family `beside_bias` beyond what biases of the
-trackers remove. second_moment_share is the share of the second moment in px^2 that it removes, outliers left out.
-condition is the condition number of the fit. correlation is the largest one of the number in this fit, and
-`correlated_with` the other number. in_frames is the value of times in frame intervals, as they are fitted. `moved`
-in the family `at_most` is (truth.moved), null where that has no bound.
+would, or poses are refined and may absorb one. What was not tried has no numbers. rank numbers the named faults from 1.
+p is adjusted for all parameters by Holm's method in the families `alone` and `beside_bias`. gain is the share of the
+second moment in scaled units, outliers cut, that the correction removes from held-out units; in the family
+`beside_bias` beyond what biases of the trackers remove. second_moment_share is the share of the second moment in px^2
+that it removes, outliers left out. condition is the condition number of the fit. correlation is the largest one of the
+number in this fit, and `correlated_with` the other number. in_frames is the value of times in frame intervals, as they
+are fitted. `moved` in the family `at_most` is (truth.moved), null where that has no bound.
 
 A run that could not be audited has one row, with the reason in its text.
 """

@@ -276,6 +276,8 @@ class AuditSamples:
         What depths that are along z by construction were computed from; None where their kind is only stated.
     depth_sd : (n,) float64, or None
         Standard deviation of `depth` relative to it, as depth maps repeat it; NaN where unknown, None where all are.
+    refined
+        Whether poses were fitted to reference tracks. Such poses absorb a part of errors of the camera and the clock.
     rays : by cameras, (n, 3) float64
         Of the first positions, as computed last: most corrections change no camera.
     """
@@ -301,6 +303,7 @@ class AuditSamples:
     interval_s: float | None
     z_depth_from: str | None = None
     depth_sd: NDArray[np.float64] | None = None
+    refined: bool = False
     rays: dict[tuple[Intrinsics, ...], NDArray[np.float64]] = field(default_factory=dict, init=False, repr=False)
 
     @property

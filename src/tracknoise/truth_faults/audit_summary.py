@@ -259,6 +259,8 @@ def other_text(
         return f"The {name} seems to be wrong too; correct the faults above first."
     if parameter is Parameter.ray_depth:
         return "Depth is not the distance along the ray."
+    if samples.refined:
+        return f"No error of the {name} was found beside refined poses, which may absorb one."
     return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
 
 

@@ -60,7 +60,8 @@ _STILL_PX = 1e-6
 class AuditedTables:
     """Tables of one sequence: `AUDIT_SAMPLES`, `CAMERAS` and `POSES`; `PATH` and `DEPTH_REPEATS` where it has them.
 
-    z_depth_from is what its depths were computed from, if they are along z by construction.
+    z_depth_from is what its depths were computed from, if they are along z by construction. refined is whether its
+    poses were fitted to reference tracks.
     """
 
     samples: pl.DataFrame
@@ -69,6 +70,7 @@ class AuditedTables:
     path: pl.DataFrame | None = None
     depth_repeats: pl.DataFrame | None = None
     z_depth_from: str | None = None
+    refined: bool = False
 
     @property
     def repeats(self) -> DepthRepeats:
@@ -188,6 +190,7 @@ def _joined(used: Sequence[AuditedTables], trackers: tuple[str, ...], groups: Sc
         axis_of=shutters["shutter_axis"].fill_null(1).to_numpy().astype(np.intp),
         interval_s=interval,
         z_depth_from=_z_depth_from(used),
+        refined=any(audited.refined for audited in used),
     )
 
 
@@ -362,7 +365,7 @@ def _single_rows(samples: AuditSamples, selection: Selection, curve: pl.DataFram
         factor = shown(samples, judgement.parameter).factor
         for component, row in enumerate(_assessed_rows(Family.alone, selection.alone, judgement.parameter)):
             visible = abs(factor) * float(judgement.visible_above[component])
-            yield {**row, **extra, "visible_above": visible if np.isfinite(visible) else None}
+            yield {**row, **extra, "visible_above": visible if np.isfinite(visible) and not samples.refined else None}
     yield from _known_rows(samples)
     for judgement in judged:
         yield from _assessed_rows(Family.beside_bias, selection.beside_bias, judgement.parameter)

@@ -223,8 +223,6 @@ class NoiseModel:
     def equivalent(self, *, landmark: Landmark, window: int, purpose: Purpose) -> Equivalent:
         """The standard deviation for a kind of estimator and a purpose, of the window that is nearest in length.
 
-        Windows of the recordings go before simulated ones.
-
         Raises
         ------
         SettingsError
@@ -235,7 +233,7 @@ class NoiseModel:
         if not known:
             found = f"the model has no sigma for landmark {landmark} and purpose {purpose}"
             raise SettingsError(f"noise of {self.training.tracker}: {found}, expected a model fitted to windows of it")
-        return min(known, key=lambda one: (one.simulated, abs(one.window - window), one.window))
+        return min(known, key=lambda one: (abs(one.window - window), one.window))
 
     def sigma(self, *, landmark: str = Landmark.FREE, window: int = 11, purpose: str = Purpose.NEWEST_POSE) -> Interval:
         """The standard deviation of `equivalent`, px, with its interval.

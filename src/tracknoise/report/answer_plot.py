@@ -217,7 +217,7 @@ def _sizes(model: NoiseModel, name: str, window: int, setting: NoiseToSet) -> tu
     """What to set with such windows and the features of a setting, and what innovations look like; None if unknown."""
     try:
         advice = estimator(name).advise(model, window=window, features=setting.features)
-        return (advice.sigma.value, innovations_of(model, advice).value) if advice.window == window else None
+        return advice.sigma.value, innovations_of(model, advice).value
     except SettingsError:
         return None
 

@@ -14,7 +14,7 @@ from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.processes import release_memory
-from tracknoise.sequences.poses import require_some_poses
+from tracknoise.sequences.poses import has_pose, require_some_poses
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence
 from tracknoise.tables import schema
 from tracknoise.tables.enumerations import EdgeSide
@@ -353,6 +353,14 @@ def _is_known(positions: TruePositions) -> bool:
     return any(values is not None and bool(np.isfinite(values).any()) for values in measured)
 
 
+def _of_poses(sequence: Sequence) -> str:
+    """How many poses there are, and how far apart: ``50 poses at most 0.8 m apart``."""
+    poses = sequence.world_from_camera[has_pose(sequence.world_from_camera)]
+    apart = float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0))) if len(poses) else 0.0
+    of_frames = "" if len(poses) == len(sequence) else f" for {counted(len(sequence), 'frame')}"
+    return f"{counted(len(poses), 'pose')}{of_frames} at most {apart:.3g} m apart"
+
+
 def _check_features(sequence: Sequence, result: TrackingResult, truth: Truth) -> None:
     if not any(len(recording.first_frame) for recording in result.recordings):
         raise NothingToMeasureError(
@@ -363,12 +371,12 @@ def _check_features(sequence: Sequence, result: TrackingResult, truth: Truth) ->
     if any(_is_known(positions) for positions in result.positions):
         return
     if any(positions.epipolar is not None for positions in result.positions):
-        found = "no feature with a fitted point or an epipolar line"
+        found = f"no feature with a fitted point or an epipolar line, with {_of_poses(sequence)}"
         raise NothingToMeasureError(
             sequence.source, found, "a camera that changes its position, and poses that fit the images"
         )
     if truth.kind == SWEPT:
-        found = "no depth from the images of other frames for any feature"
+        found = f"no depth from the images of other frames for any feature, with {_of_poses(sequence)}"
         expected = f"a camera that changes its position, and texture; or the kind of truth {TRIANGULATED!r}"
         raise NothingToMeasureError(sequence.source, found, expected)
     if truth.key_frame is None:

@@ -10,12 +10,13 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from tests.writers.tum import pose_row, stamp, write_list, write_poses, write_tum
 
-from tracknoise.exceptions import DataError, SettingsError, TracknoiseError
+from tracknoise.exceptions import DataError, NothingToMeasureError, SettingsError, TracknoiseError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, path_of
 from tracknoise.sequences.simulated import Simulated
+from tracknoise.sequences.timed_poses import poses_at, trajectory
 from tracknoise.sequences.tum import Tum
 
 INTRINSICS = (60.0, 61.0, 31.0, 24.0)
@@ -485,3 +486,13 @@ def test_an_error_about_the_times_of_poses_keeps_what_was_found_out_about_them(s
     truth.write_text("\n".join([*rows, rows[-1].replace("1305031241", "1305031300"), rows[-1]]) + "\n")
     with pytest.raises(DataError, match=r"after the first image, .*: 1 of 6 rows repeats the time of an earlier row"):
         open_sequence("tum", scene.parent, time_shift_s=1e4)
+
+
+def test_where_one_frame_has_a_pose_the_times_of_both_are_said(tmp_path):
+    """Times from 0 in milliseconds: the first pose is at the first image."""
+    path = tmp_path / "poses.txt"
+    identity = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (5, 1))
+    recorded = trajectory(path, 33.0 * np.arange(5), identity, [f"line {line}" for line in range(5)])
+    expected = r"1 pose for 5 frames; poses from 0\.000 s to 132\.000 s after the first image, .* end after 0\.132 s"
+    with pytest.raises(NothingToMeasureError, match=expected):
+        poses_at(recorded, 0.033 * np.arange(5), max_gap_s=0.1)

@@ -128,7 +128,7 @@ def poses_at(
     try:
         require_some_poses(poses, recorded.path)
     except NothingToMeasureError as error:
-        found = "; ".join((error.found, *recorded.notes))
+        found = "; ".join((error.found, _no_overlap(recorded.times_s, at_s, max_gap_s), *recorded.notes))
         raise NothingToMeasureError(error.place, found, error.expected) from error
     have, them = counted_of(missing, len(at_s), "frame", "has", "have"), "it" if missing == 1 else "them"
     gap = f"{have} no pose: none was recorded around {them} within {max_gap_s:g} s"

@@ -488,6 +488,15 @@ def test_an_error_about_the_times_of_poses_keeps_what_was_found_out_about_them(s
         open_sequence("tum", scene.parent, time_shift_s=1e4)
 
 
+@pytest.mark.parametrize(("moved_m", "notes"), [(0.0, 1), (1.0, 2)])
+def test_rows_of_one_time_that_contradict_are_named(tmp_path, moved_m, notes):
+    rows = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (5, 1))
+    rows[3, 0] = moved_m
+    recorded = trajectory(tmp_path / "poses.txt", np.array([0.0, 0.1, 0.2, 0.2, 0.3]), rows, ["line"] * 5)
+    assert len(recorded.notes) == notes
+    assert ("positions up to 1 m apart" in recorded.notes[-1]) == (moved_m > 0.0)
+
+
 def test_where_one_frame_has_a_pose_the_times_of_both_are_said(tmp_path):
     """Times from 0 in milliseconds: the first pose is at the first image."""
     path = tmp_path / "poses.txt"

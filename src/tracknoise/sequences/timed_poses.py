@@ -109,7 +109,18 @@ def trajectory(
     require_distinct(path, times_s, list(map(tuple, pose_rows.tolist())))
     poses = quaternion_poses(pose_rows[:, :3], pose_rows[:, 3:], places)
     order = in_order(times_s)
-    return Trajectory(path, times_s[order], poses[order], (*lost_notes, *order_notes(path, times_s)))
+    notes = *lost_notes, *order_notes(path, times_s), *_contradictions(path, times_s, pose_rows[:, :3])
+    return Trajectory(path, times_s[order], poses[order], notes)
+
+
+_ALIKE_M = 1e-3
+
+
+def _contradictions(path: Path, times_s: NDArray[np.float64], positions: NDArray[np.float64]) -> tuple[str, ...]:
+    """A sentence where rows of one time have positions, (n, 3), that differ by more than rounding."""
+    _, first, of_row = np.unique(times_s, return_index=True, return_inverse=True)
+    apart_m = float(np.linalg.norm(positions - positions[first[of_row]], axis=1).max())
+    return (f"{path}: rows of one time have positions up to {apart_m:.3g} m apart",) * (apart_m > _ALIKE_M)
 
 
 def poses_at(

@@ -72,12 +72,13 @@ def _common(data: ReportData) -> str:
 
 def sentences_to_set(data: ReportData) -> list[str]:
     """What to set in an estimator, a sentence for each tracker; the size of its errors where this is unknown."""
-    return [_of_tracker(data, tracker) for tracker in data.trackers]
+    with_windows = not windows_of_advice(data)
+    return [_of_tracker(data, tracker, with_windows=with_windows) for tracker in data.trackers]
 
 
-def _of_tracker(data: ReportData, tracker: str) -> str:
+def _of_tracker(data: ReportData, tracker: str, *, with_windows: bool) -> str:
     if sentences := sentences_of(sigma_sentence(data, tracker)):
-        text = joined(sentences[: 1 if windows_of_advice(data) else 2])
+        text = joined(sentences[: 2 if with_windows else 1])
         return f"{tracker}: {text[0].lower()}{text[1:]}"
     subject = Subject(data, tracker)
     measure = size_measure(subject)

@@ -17,7 +17,7 @@ from markupsafe import Markup
 from PIL import Image
 
 from tracknoise.estimators.advice import innovations_of
-from tracknoise.estimators.exports import estimator
+from tracknoise.estimators.exports import estimator, windows_text
 from tracknoise.estimators.model import Landmark
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
@@ -170,8 +170,7 @@ def answer_plot(
         return None
     first = max(able, key=lambda setting: (setting.sigma.value or 0.0) / (setting.innovations.value or 1.0))
     chosen = [first, *(setting for setting in able if setting is not first)][:MOST_TRACKERS]
-    features = "" if first.features is None else f" with {counted(first.features, 'feature')} per frame"
-    windows = f"windows of {counted(first.window, 'frame')}{features}"
+    windows = windows_text(estimator(name).landmark, first.window, first.features)
     shown = tuple(_alike_long([curves[setting.tracker] for setting in chosen]))
     return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker, "Its worst" if shown[1:] else "Worst"))
 

@@ -1,6 +1,6 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
@@ -42,16 +42,16 @@ def estimator_noise(tables: RunTables, conditions: ReportedConditions) -> Headli
     if rows.is_empty():
         return None
     common = rows.row(0, named=True)
-    windows = {_windows(of_tracker.to_dicts()) for _, of_tracker in rows.group_by("tracker")}
-    alike = f", {windows.pop()}" if len(windows) == 1 else ""
+    title = estimator(common["estimator"]).title
+    windows = _windows_of_all(own.to_dicts() for _, own in rows.group_by("tracker"))
 
     def described(tracker: str) -> Part | None:
         lifetime = _median_lifetime(tables, conditions, tracker)
-        return _advised(conditions.of(rows, tracker), tables, tracker, lifetime, with_windows=not alike)
+        return _advised(conditions.of(rows, tracker), tables, tracker, lifetime, with_windows=not windows)
 
     return conditions.headline(
         described,
-        opening=f"Noise to set in {estimator(common['estimator']).title}{alike} {conditions.where(tables)}.",
+        opening=f"Noise to set in {', '.join(filter(None, [title, windows]))} {conditions.where(tables)}.",
         closing=f"{_right(common['purpose'], rows)}{_simulated(common)}{_between_scenes(rows)}",
         figure="estimator",
         table="advice",
@@ -67,6 +67,12 @@ def _windows(rows: Sequence[Mapping[str, Any]]) -> str:
     """In which windows the sigma of an advice is right."""
     features = next((int(row["value"]) for row in rows if row["quantity"] == "features"), None)
     return windows_text(rows[0]["landmark"], rows[0]["window"], features, simulated=rows[0]["why"] is not None)
+
+
+def _windows_of_all(advice: Iterable[Sequence[Mapping[str, Any]]]) -> str:
+    """The same of the advice for several trackers, where it is alike; else empty."""
+    windows = {_windows(rows) for rows in advice}
+    return windows.pop() if len(windows) == 1 else ""
 
 
 def _right(purpose: str, rows: pl.DataFrame) -> str:
@@ -271,9 +277,8 @@ def advised(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:
 
 def windows_of_advice(data: RunData) -> str:
     """In which windows the sigmas to set are right, where they are those of all trackers; else empty."""
-    rows = [[*advice.values()] for tracker in data.trackers if (advice := advised(data, tracker))]
-    windows = {_windows(own) for own in rows}
-    return windows.pop() if len(windows) == 1 else ""
+    advice = (advised(data, tracker) for tracker in data.trackers)
+    return _windows_of_all([*rows.values()] for rows in advice if rows)
 
 
 def sigma_sentence(data: RunData, tracker: str) -> str:

@@ -1,11 +1,12 @@
 """How right errors are that are measured against poses refined by reference tracks, where stated poses are spoilt.
 
     python -m benchmarks.validity.refined_truth RESULTS --cache FOLDER [--seeds N] [--first N] [--scenes NAME ...]
-        [--faults NAME ...] [--shares S ...]
+        [--faults NAME ...] [--shares S ...] [--rotate] [--sigma]
 
 Scenes of exact poses: simulated motions of 50 frames at 480 x 360 px and 30 Hz, and with `--tartanair FOLDER` the
-sample of TartanAir v1 in it. Each is followed once by Lucas-Kanade, correspondence, dense flow and a plain OpenCV
-program, and by the reference tracks, and kept in `--cache`. For each fault, share and seed, the truth is spoilt, as in
+sample of TartanAir v1 in it. Each is followed once by Lucas-Kanade, correspondence, dense flow, patches and a plain
+OpenCV program, and by the reference tracks, and kept in `--cache`. With `--rotate`, each seed takes one of the scenes
+and one of the shares, in turn. For each fault, share and seed, the truth is spoilt, as in
 `benchmarks.validity.truth_verdicts`, so that it makes this share of the squared errors of Lucas-Kanade at ages up to
 10. Nothing is stated of its accuracy. `nothing` spoils nothing. Where no size of a fault makes the share, there is no
 run. Each scene, fault, share and seed is one line of RESULTS, a file of JSON, and is not made again.
@@ -15,7 +16,7 @@ stated one, by the refined one, and by poses from reference tracks of one kind a
 their absolute values, bias their median. Printed are the shares of values
 
 - whose refined core (or RMS of errors up to 5 px) is within 10 % or .02 px of the exact truth's, and within 5 %;
-- with `--sigma`, whose sigma to set in a filter is as near;
+- with `--sigma`, whose sigma to set in a filter (windows of 11 frames, newest pose right) is as near;
 - whose refined core is further from the exact one than the stated core is, by more than .02 px;
 - whose exact core (or RMS) is within the floor of the refined one, where refined poses lead;
 - of pairs of trackers that references of one kind order as the exact truth does, leave undecided, or order wrongly.
@@ -29,6 +30,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations, product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from time import process_time
 from typing import Any
 
@@ -38,7 +40,6 @@ import polars as pl
 from numpy.typing import NDArray
 
 from benchmarks.validity.rigid import pose_noise
-from benchmarks.validity.swept_depth import sigmas
 from benchmarks.validity.truth_verdicts import (
     FAULTS,
     RATE_HZ,
@@ -49,6 +50,13 @@ from benchmarks.validity.truth_verdicts import (
     by_hand,
     noisy_depth,
 )
+from tracknoise.api.analyse import write_run
+from tracknoise.estimators.advice import LEVEL
+from tracknoise.estimators.fit import components_of, equivalents_of
+from tracknoise.estimators.kernels import LENGTH
+from tracknoise.estimators.model import Landmark, Purpose
+from tracknoise.estimators.training import RunTruth, all_training_tables
+from tracknoise.exceptions import TracknoiseError
 from tracknoise.experiments.measure import Measurement, measure
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.inference.robust_fits import scales
@@ -60,6 +68,8 @@ from tracknoise.sequences.sequence import Sequence as Recording
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
+from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import TruthVerdict
 from tracknoise.trackers.features import Features, report
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step
 from tracknoise.trackers.tracker_registry import make_tracker
@@ -76,7 +86,7 @@ WORLDS, FRAMES, WIDTH, HEIGHT = (1, 2), 50, 480, 360
 AGES = (1, 10, 24)
 SHARES = (0.15, 0.4, 0.9)
 NOTHING, PROGRAM = "nothing", "opencv"
-TRACKERS = ("lucas-kanade", "correspondence", "dense-flow")
+TRACKERS = ("lucas-kanade", "correspondence", "dense-flow", "patch")
 EXACT, STATED, REFINED = "exact", "stated", "refined"
 UNKNOWN = TruthAccuracy()
 CLIP_PX, PER_MEDIAN = 5.0, 1.4826
@@ -328,8 +338,8 @@ class Bench:
         return self.sigmas(self.stated(self.scene.poses, self.scene.depths))
 
     def sigmas(self, sequence: Recording) -> dict[str, float]:
-        """The sigma to set of two trackers by the truth of a sequence; none where it has none."""
-        trackers = {name: Replayed(self.scene.steps[name]) for name in TRACKERS[:2]}
+        """The sigma to set of each tracker by the truth of a sequence; none where it has none."""
+        trackers = {name: Replayed(steps) for name, steps in self.scene.steps.items()}
         rule = AccuracyRule(UNKNOWN, shipped=False)
         return sigmas(measure(sequence, trackers, truth="birth", accuracy=rule))
 
@@ -356,6 +366,24 @@ class Bench:
             one["floor"] = np.sqrt(np.nanmean(floors[name][rows] ** 2, axis=0)).round(5).tolist()
             found.setdefault(name, {})[str(age)] = {**one, "n": int(rows.sum())}
         return found
+
+
+def sigmas(measured: Measurement) -> dict[str, float]:
+    """What `tracknoise.analyse(measured).sigma("openvins")` says, without the rest of the analysis."""
+    found = {}
+    with TemporaryDirectory() as name:
+        folder = RunFolder(Path(name))
+        write_run(folder, [measured])
+        conditions = [(tracker, 1) for tracker in measured.tracks["tracker"].unique(maintain_order=True)]
+        for read in all_training_tables(folder, conditions, truth=RunTruth(TruthVerdict(), pl.DataFrame())):
+            try:
+                known = equivalents_of(read, components_of(read, level=LEVEL), [LENGTH])
+            except TracknoiseError as error:
+                print(f"{read.tracker}: {error}")
+                continue
+            of_pose = [one for one in known if (one.landmark, one.purpose) == (Landmark.FREE, Purpose.NEWEST_POSE)]
+            found[read.tracker] = of_pose[0].sigma.value
+    return found
 
 
 def depth_at(recording: Recording, tracks: ReferenceTracks) -> Array:
@@ -470,6 +498,7 @@ def main() -> None:
     parser.add_argument("--scenes", nargs="*", help="by default all")
     parser.add_argument("--faults", nargs="*", default=[NOTHING, *SPOILT])
     parser.add_argument("--shares", type=float, nargs="*", default=SHARES)
+    parser.add_argument("--rotate", action="store_true", help="one scene and one share for each seed, in turn")
     parser.add_argument("--sigma", action="store_true", help="also the sigma to set")
     given = parser.parse_args()
     names = given.scenes or [f"{motion} {world}" for world, motion in product(WORLDS, MOTIONS)]
@@ -478,14 +507,17 @@ def main() -> None:
     done = {(row["scene"], row["fault"], row["share"], row["seed"]) for row in rows}
     benches: dict[str, Bench] = {}
     with given.results.open("a") as file:
-        for seed, name in product(range(given.first, given.first + given.seeds), names):
-            cells = [
-                (fault, share if fault != NOTHING else 0.0) for fault, share in product(given.faults, given.shares)
-            ]
+        for seed, place in product(range(given.first, given.first + given.seeds), range(len(names))):
+            if given.rotate and place != seed % len(names):
+                continue
+            name, turn = names[place], (seed + seed // len(names)) % len(given.shares)
+            shares = given.shares[turn : turn + 1] if given.rotate else given.shares
+            cells = [(fault, share if fault != NOTHING else 0.0) for fault, share in product(given.faults, shares)]
             for fault, share in dict.fromkeys(cells):
-                key = {"scene": name, "fault": fault, "share": share, "seed": seed}
-                if tuple(key.values()) in done or (fault == NOTHING and seed):
+                key = {"scene": name, "fault": fault, "share": share, "seed": seed if fault != NOTHING else 0}
+                if tuple(key.values()) in done:
                     continue
+                done.add(tuple(key.values()))
                 if name not in benches:
                     benches[name] = Bench(scene_of(name, given.cache, given.tartanair), with_sigma=given.sigma)
                 found = benches[name].run(fault, share, seed)

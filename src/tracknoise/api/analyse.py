@@ -6,6 +6,7 @@ import weakref
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import NamedTuple
 
 import polars as pl
@@ -67,7 +68,9 @@ def analyse(
     run = Run(RunFolder(Path(tempfile.mkdtemp(prefix="tracknoise-"))))
     weakref.finalize(run, shutil.rmtree, run.path, ignore_errors=True)
     all_measurements = measurements if isinstance(measurements, Iterable) else [measurements]
-    _fill(RunFolder(run.path), all_measurements, overrides)
+    folder = RunFolder(run.path)
+    experiment = write_run(folder, all_measurements, overrides)
+    compute_findings(folder, experiment, compute_statistics(folder, experiment))
     return run
 
 
@@ -83,13 +86,15 @@ def _given(**settings: object) -> dict[str, object]:
     return {name: value for name, value in settings.items() if value is not None}
 
 
-def _fill(folder: RunFolder, measurements: Iterable[Measurement], overrides: Mapping[str, object]) -> None:
-    """Write a run of measurements."""
+def write_run(
+    folder: RunFolder, measurements: Iterable[Measurement], overrides: Mapping[str, object] = MappingProxyType({})
+) -> Experiment:
+    """Write the run folder of measurements without its findings, and return the experiment that it is the run of."""
     written = [_write(folder, measurement, overrides) for measurement in measurements]
     _check(written)
     experiment = _experiment(pl.concat(part.conditions for part in written), written[0].population, overrides)
     write_settings(folder, experiment, [part.entry for part in written])
-    compute_findings(folder, experiment, compute_statistics(folder, experiment))
+    return experiment
 
 
 def _write(folder: RunFolder, measurement: Measurement, overrides: Mapping[str, object]) -> _Written:

@@ -4,7 +4,7 @@
 
 Errors of tracks of 11 frames are drawn, of which a share of the variance is common to a frame: a white shift, the steps
 of a walk, or a white rotation of the image about the optical axis. Sigma is that of windows of 80 features for
-independent errors, squared, and for each feature of a frame what `influences_in_common` says for a shift or a
+independent errors, squared, and for each feature of a frame what `LinearEstimate` says for a shift or a
 walk; for known points a third of the covariance of two features. It is tried on other windows, with 20, 80 and 300
 features in a frame, with least squares, and with Cauchy's loss with a knee of one sigma of innovations, whose sigma is
 that of independent errors on the same windows, beside how much smaller it makes errors. With known points, features
@@ -25,12 +25,11 @@ from numpy.typing import NDArray
 from tracknoise.estimators.kernels import NEWEST, weighted_step
 from tracknoise.estimators.linear_window import (
     CAMERA,
+    LinearEstimate,
     LinearTracks,
     Motion,
     PointTracks,
     drawn_sight,
-    influences,
-    influences_in_common,
     linear_tracks,
     scalar_variances,
     simulated_tracks,
@@ -156,7 +155,8 @@ def learned(kind: str, windows: Sequence[Window]) -> tuple[Array, Array]:
     noise, squares, added = NOISES[kind], [], []
     for window in windows:
         assumed = scalar_variances(window.tracks, 1.0)
-        own, both = influences(window.tracks, assumed), influences_in_common(window.tracks, assumed, noise)
+        estimate = LinearEstimate.of(window.tracks, assumed)
+        own, both = estimate.influences(), estimate.influences_in_common(noise)
         parts = np.stack([getattr(noise, one.name) for one in COMPONENTS])
         squares.append([(own[purpose] * parts).sum() for purpose in _POSES])
         added.append([both[purpose][int(kind == "walk")] for purpose in _POSES])

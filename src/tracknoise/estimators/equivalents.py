@@ -14,10 +14,10 @@ of the run is therefore
 
     s^2 = mean over scenes of sum_jk kappa_jk c_jk    (equivalents)
 
-with the entries c_jk of the components of a scene, and kappa_jk from the linear benchmark (`influences`), the mean over
-windows of that scene, with their motions, depths and track lengths. A scene without windows has those of all others.
-Scenes are what is resampled. So intervals contain the variation of noise and of geometry between scenes, of the two
-together, and of windows within scenes. What is fixed is the length of the window, the camera, and what an estimator
+with the entries c_jk of the components of a scene, and kappa_jk from the linear benchmark (`LinearEstimate`), the mean
+over windows of that scene, with their motions, depths and track lengths. A scene without windows has those of all
+others. Scenes are what is resampled. So intervals contain the variation of noise and of geometry between scenes, of the
+two together, and of windows within scenes. What is fixed is the length of the window, the camera, and what an estimator
 does with the first observation. With fewer than six scenes, blocks of tracks are resampled, and windows are fixed, too.
 
 A is in tracks that begin in the window. Tracks that began before it have W in their first observation there. If the
@@ -28,7 +28,7 @@ Errors that features of a frame have in common do not average out over them, and
 
     mean over scenes of kappa_white white + kappa_walk walk    (equivalents.common)
 
-to s^2, with the variances of (common.parts) and kappa from the linear benchmark (`influences_in_common`). White errors
+to s^2, with the variances of (common.parts) and kappa from the same. White errors
 divide among first positions and others as A and W do. A first direction that is a state has this in proportion to s^2.
 """
 
@@ -44,10 +44,9 @@ from scipy.special import gammaincinv
 from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.linear_window import (
     EXACT,
+    LinearEstimate,
     LinearTracks,
     TrackGates,
-    influences,
-    influences_in_common,
     scalar_variances,
 )
 from tracknoise.estimators.model import Equivalent, Interval, Landmark, Purpose
@@ -187,7 +186,7 @@ def equivalents(
     common: CommonErrors | None = None,
 ) -> list[Equivalent]:
     """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
-    mean = MeanSquares.of(fitted, windows, speed)
+    mean = MeanSquares.of(fitted, windows, speed, in_common=common is not None)
     free, exact = (mean.sigmas(first) for first in (None, EXACT))
     state = _state(fitted, mean, free)
     prior = fitted.components["first"].sigma.value
@@ -195,7 +194,7 @@ def equivalents(
     found = [replace(one, simulated=windows.simulated) for one in _named(named, length, gates)]
     if common is None:
         return found
-    added = {first: mean.of_common(common, _in_common(fitted.noise, speed), first) for first in (None, EXACT)}
+    added = {first: mean.of_common(common, first) for first in (None, EXACT)}
     of_state = {purpose: _times(one, state[purpose], free[purpose]) for purpose, one in added[None].items()}
     by_landmark = {Landmark.FREE: added[None], Landmark.EXACT: added[EXACT], Landmark.STATE: of_state}
     return [replace(one, per_feature=by_landmark[one.landmark].get(one.purpose)) for one in found]
@@ -244,6 +243,14 @@ def _gates_of(sigma: float, prior: float | None, gates: Gates, *, born_only: boo
     return gates.factors(sigma, first=None if prior is None else max(prior / sigma, EXACT), born_only=born_only)
 
 
+@dataclass(frozen=True, slots=True)
+class _Influences:
+    """Of a window: as of `LinearEstimate`, and those of errors in common where they were asked for."""
+
+    own: Mapping[Purpose, Array]
+    common: Mapping[Purpose, Array] | None
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanSquares:
     """Actual over claimed mean squares of what each purpose is about, over windows of all scenes."""
@@ -251,25 +258,39 @@ class MeanSquares:
     windows: Sequence[Window]
     units: Units  # scenes, or blocks of tracks within them
     noise: Array  # (units, 4, 2, 2) px^2: components of each, those of the walk and the drift per frame of a window
+    in_common: TrackNoise | None  # errors in common of variance 1, where they are asked for
     places: Sequence[Sequence[int]]  # of each scene the places of its windows
     level: float
+    _known: dict[tuple[int, float, float | None, bool], "_Influences"] = field(
+        default_factory=dict, init=False, repr=False
+    )
 
     @classmethod
-    def of(cls, fitted: "FittedComponents", windows: Windows, speed: int) -> "MeanSquares":
+    def of(cls, fitted: "FittedComponents", windows: Windows, speed: int, *, in_common: bool = False) -> "MeanSquares":
         """Of the scenes of a fit, and windows of them; `speed`: frames of the recording per frame of a window."""
         units, frames = fitted.sums.units, np.array([float(speed) ** one.power for one in COMPONENTS])
         noise = fitted.of_units() * frames[:, None, None]
-        return cls(windows.each, units, noise, [windows.of_scene(name) for name in units.scenes], fitted.level)
+        places = [windows.of_scene(name) for name in units.scenes]
+        unit = _in_common(fitted.noise, speed) if in_common else None
+        return cls(windows.each, units, noise, unit, places, fitted.level)
+
+    def _of_window(self, place: int, sigma: float, first: float | None, *, born_only: bool) -> "_Influences":
+        """Those of one window; computed once."""
+        is_state = born_only and first is not None
+        key = place, sigma, first, is_state
+        if key not in self._known:
+            window = self.windows[place]
+            estimate = LinearEstimate.of(window, scalar_variances(window, sigma, first=first, born_only=is_state))
+            common = None if self.in_common is None or is_state else estimate.influences_in_common(self.in_common)
+            self._known[key] = _Influences(estimate.influences(), common)
+        return self._known[key]
 
     def of_units(
         self, sigma: float, first: float | None, *, born_only: bool, some: Sequence[int] | None = None
     ) -> Array:
         """Of each unit for an estimator that assumes these standard deviations, (units, purposes), by (equivalents)."""
         used = range(len(self.windows)) if some is None else some
-        assumed = {
-            place: scalar_variances(self.windows[place], sigma, first=first, born_only=born_only) for place in used
-        }
-        each = {place: influences(self.windows[place], own) for place, own in assumed.items()}
+        each = {place: self._of_window(place, sigma, first, born_only=born_only).own for place in used}
         found = {place: np.array([own[purpose] for purpose in Purpose]) for place, own in each.items()}
         own = [[found[place] for place in places if place in found] or list(found.values()) for places in self.places]
         mean = np.array([np.mean(some, axis=0) for some in own])
@@ -286,11 +307,11 @@ class MeanSquares:
         bounds = zip(found.value[0], found.low[0], found.high[0], strict=True)
         return {purpose: _root(*(float(one) for one in own)) for purpose, own in zip(Purpose, bounds, strict=True)}
 
-    def of_common(self, common: CommonErrors, unit: TrackNoise, first: float | None) -> dict[Purpose, Interval]:
+    def of_common(self, common: CommonErrors, first: float | None) -> dict[Purpose, Interval]:
         """What each feature of a frame adds to the squares of sigmas for poses, px^2, by (equivalents.common)."""
         poses = [purpose for purpose in Purpose if purpose is not Purpose.INNOVATIONS]
-        each = [influences_in_common(own, scalar_variances(own, 1.0, first=first), unit) for own in self.windows]
-        found = np.array([[own[purpose] for purpose in poses] for own in each])
+        each = [self._of_window(place, 1.0, first, born_only=False).common for place in range(len(self.windows))]
+        found = np.array([[own[purpose] for purpose in poses] for own in each if own is not None])
         of_scenes = np.array([found[list(places)].mean(axis=0) for places in self.places])
         white, walk = of_scenes.mean(axis=0).T
         return dict(zip(poses, common.variances(white.tolist(), walk.tolist()), strict=True))

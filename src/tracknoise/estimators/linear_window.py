@@ -270,55 +270,63 @@ def true_covariances(window: Sequence[LinearTracks], noise: TrackNoise) -> Covar
     return found
 
 
-def influences(window: Sequence[LinearTracks], assumed: Assumed) -> dict[Purpose, NDArray[np.float64]]:
-    """What each purpose is about, as a linear function of the components, for an estimator that assumes a noise.
+@dataclass(frozen=True, slots=True, eq=False)
+class LinearEstimate:
+    """What an estimator that assumes a noise makes of the errors of a window."""
 
-    Its mean square over the claimed one is the sum of the products of the entries of these matrices and of those of A,
-    W, Q and D, (4, 2, 2) each: (benchmark.nees), without the noise itself. Walk and drift are per frame of the window.
-    """
-    whitened = _whitened(window, assumed)
-    pairs = list(zip(window, whitened, strict=True))
-    by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
-    root = _root_of_claimed(by_pose)
-    roots = {Purpose.ALL_POSES: root, Purpose.NEWEST_POSE: root[:, -_NEWEST:]}
-    found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}
-    freedom = sum(rows.shape[0] * (rows.shape[1] - 3) for rows in by_pose)
-    for (tracks, one), rows in zip(pairs, by_pose, strict=True):
-        unit, shared = one.unwhitened(rows), _shared(tracks)
-        for purpose, root in roots.items():
-            found[purpose] += _contracted(shared, unit @ root) / root.shape[1]
-        free = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1]))
-        found[Purpose.INNOVATIONS] += _contracted(shared, one.unwhitened(without(free, one.span))) / freedom
-    return found
+    # of each group of tracks: what whitens it, and its whitened derivatives by poses without what the points absorb
+    parts: Sequence[tuple[LinearTracks, "_Whitened", NDArray[np.float64]]]
+    root: NDArray[np.float64]  # as of `_root_of_claimed`
 
+    @classmethod
+    def of(cls, window: Sequence[LinearTracks], assumed: Assumed) -> "LinearEstimate":
+        """That of a window."""
+        whitened = _whitened(window, assumed)
+        pairs = zip(window, whitened, strict=True)
+        by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
+        return cls(list(zip(window, whitened, by_pose, strict=True)), _root_of_claimed(by_pose))
 
-def influences_in_common(
-    window: Sequence[LinearTracks], assumed: Assumed, noise: TrackNoise
-) -> dict[Purpose, NDArray[np.float64]]:
-    """What errors that all features of a frame have in common add to the mean squares of `influences`, per feature.
+    def influences(self) -> dict[Purpose, NDArray[np.float64]]:
+        """What each purpose is about, as a linear function of the components.
 
-    What is claimed falls with the number of features, and errors in common do not. Two numbers for each purpose: of
-    white errors, which are A and W of a noise for one track, and of a walk, which is Q. Innovations at true poses do
-    not depend on other features.
-    """
-    whitened = _whitened(window, assumed)
-    size = window[0].by_pose.shape[2]
-    pairs = list(zip(window, whitened, strict=True))
-    by_pose = [without(one.whitened(tracks.by_pose), one.span) for tracks, one in pairs]
-    root = _root_of_claimed(by_pose)
-    length = 1 + max(int(tracks.frames.max()) for tracks in window)
-    summed, features = np.zeros((2, length, 2, size)), np.zeros(length)
-    for (tracks, one), rows in zip(pairs, by_pose, strict=True):
-        half = (one.unwhitened(rows) @ root).reshape(*tracks.frames.shape, 2, size)
-        for place, own in enumerate(_by_draw(tracks, half, noise)):
-            np.add.at(summed[place], tracks.frames, own)
-        np.add.at(features, tracks.frames, 1.0)
-    each = np.square(summed).sum(axis=(1, 2)) * features.sum() / np.square(features).sum()
-    return {
-        Purpose.INNOVATIONS: np.zeros(2),
-        Purpose.ALL_POSES: each.mean(axis=1),
-        Purpose.NEWEST_POSE: each[:, -_NEWEST:].mean(axis=1),
-    }
+        Its mean square over the claimed one is the sum of the products of the entries of these matrices and of those of
+        A, W, Q and D, (4, 2, 2) each: (benchmark.nees), without the noise itself. Walk and drift are per frame of the
+        window.
+        """
+        roots = {Purpose.ALL_POSES: self.root, Purpose.NEWEST_POSE: self.root[:, -_NEWEST:]}
+        found = {purpose: np.zeros((len(COMPONENTS), 2, 2)) for purpose in Purpose}
+        freedom = sum(rows.shape[0] * (rows.shape[1] - 3) for _, _, rows in self.parts)
+        for tracks, one, rows in self.parts:
+            unit, shared = one.unwhitened(rows), _shared(tracks)
+            for purpose, root in roots.items():
+                found[purpose] += _contracted(shared, unit @ root) / root.shape[1]
+            free = np.broadcast_to(np.eye(rows.shape[1]), (len(rows), rows.shape[1], rows.shape[1]))
+            found[Purpose.INNOVATIONS] += _contracted(shared, one.unwhitened(without(free, one.span))) / freedom
+        return found
+
+    def influences_in_common(self, noise: TrackNoise) -> dict[Purpose, NDArray[np.float64]]:
+        """What errors that all features of a frame have in common add to the mean squares of `influences`, per feature.
+
+        What is claimed falls with the number of features, and errors in common do not. Two numbers for each purpose: of
+        white errors, which are A and W of a noise for one track, and of a walk, which is Q. Innovations at true poses
+        do not depend on other features.
+        """
+        size = len(self.root)
+        length = 1 + max(int(tracks.frames.max()) for tracks, _, _ in self.parts)
+        summed, features = np.zeros((2, length, 2, size)), np.zeros(length)
+        drawn = [_symmetric_root(part) for part in (noise.first, noise.white, noise.walk)]
+        for tracks, one, rows in self.parts:
+            half = (one.unwhitened(rows) @ self.root).reshape(*tracks.frames.shape, 2, size)
+            in_frame = (tracks.frames.ravel() == np.arange(length)[:, None]).astype(np.float64)
+            for place, own in enumerate(_by_draw(tracks, half, *drawn)):
+                summed[place] += (in_frame @ own.reshape(-1, 2 * size)).reshape(length, 2, size)
+            features += in_frame.sum(axis=1)
+        each = np.square(summed).sum(axis=(1, 2)) * features.sum() / np.square(features).sum()
+        return {
+            Purpose.INNOVATIONS: np.zeros(2),
+            Purpose.ALL_POSES: each.mean(axis=1),
+            Purpose.NEWEST_POSE: each[:, -_NEWEST:].mean(axis=1),
+        }
 
 
 def _root_of_claimed(by_pose: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -331,9 +339,17 @@ def _root_of_claimed(by_pose: Sequence[NDArray[np.float64]]) -> NDArray[np.float
     return np.linalg.inv(np.linalg.qr(np.concatenate([rows.reshape(-1, size) for rows in by_pose]), mode="r"))
 
 
-def _by_draw(tracks: LinearTracks, half: NDArray[np.float64], noise: TrackNoise) -> list[NDArray[np.float64]]:
-    """What multiplies the draw of each frame, white and of a walk, from what multiplies errors, (tracks, n, 2, q)."""
-    first, white, walk = (_symmetric_root(part) for part in (noise.first, noise.white, noise.walk))
+def _by_draw(
+    tracks: LinearTracks,
+    half: NDArray[np.float64],
+    first: NDArray[np.float64],
+    white: NDArray[np.float64],
+    walk: NDArray[np.float64],
+) -> list[NDArray[np.float64]]:
+    """What multiplies the draw of each frame, white and of a walk, from what multiplies errors, (tracks, n, 2, q).
+
+    The others are roots (2, 2) of A, W and Q.
+    """
     drawn = white @ half
     drawn[tracks.born, 0] = first @ half[tracks.born, 0]
     carried = tracks.magnification[:, :, None, None] * half

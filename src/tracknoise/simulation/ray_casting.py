@@ -194,6 +194,10 @@ class ImageRays(Protocol):
         """Rays of some rows of pixels."""
         ...
 
+    def corners(self, top: int, bottom: int) -> Rays:
+        """Rays through the corners of these pixels, (rows + 1, 1, width + 1)."""
+        ...
+
 
 class PinholeRays:
     """Rays of a camera without distortion: columns and rows are independent of each other.
@@ -206,10 +210,17 @@ class PinholeRays:
         self._x = (np.arange(camera.width) + right[:, None] - camera.cx) / camera.fx
         self._y = (np.arange(camera.height)[:, None] + down - camera.cy) / camera.fy
         self._right, self._down = (1.0 / camera.fx, 0.0), (0.0, 1.0 / camera.fy)
+        u, v = np.arange(camera.width + 1) - 0.5, np.arange(camera.height + 1) - 0.5
+        self._corners = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
 
     def rows(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.rows`."""
         return Rays(self._x[None], self._y[top:bottom, :, None], self._right, self._down, False)
+
+    def corners(self, top: int, bottom: int) -> Rays:
+        """See `ImageRays.corners`."""
+        x, y = self._corners
+        return Rays(x[None, None], y[top : bottom + 1, None, None], self._right, self._down, False)
 
 
 class LensRays:
@@ -229,6 +240,8 @@ class LensRays:
         bearings = camera.bearings(centres + offsets[:, None])[..., :2]
         self._blind = np.isnan(bearings[..., 0])
         self._xy = np.where(self._blind[..., None], 0.0, bearings)
+        v, u = np.indices((camera.height + 1, camera.width + 1), dtype=np.float64) - 0.5
+        self._corners = camera.bearings(np.stack([u, v], axis=-1))[:, None, :, :2]  # (height + 1, 1, width + 1, 2)
         self._right, self._down = (
             _per_sample(camera, centres, np.array(half), len(offsets)) for half in ((0.5, 0.0), (0.0, 0.5))
         )
@@ -239,6 +252,13 @@ class LensRays:
             (grid[top:bottom, ..., 0], grid[top:bottom, ..., 1]) for grid in (self._xy, self._right, self._down)
         )
         return Rays(x, y, right, down, self._blind[top:bottom])
+
+    def corners(self, top: int, bottom: int) -> Rays:
+        """See `ImageRays.corners`."""
+        some = self._corners[top : bottom + 1]
+        blind = np.isnan(some[..., 0])
+        seen: _Floats = np.where(blind[..., None], 0.0, some)
+        return Rays(seen[..., 0], seen[..., 1], (0.0, 0.0), (0.0, 0.0), blind)
 
 
 def image_rays(camera: CameraModel, offsets: _Floats) -> ImageRays:

@@ -1,7 +1,7 @@
 """Images of a world through a camera of any model."""
 
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypeVar
 
@@ -153,7 +153,7 @@ class Renderer:
         bands = []
         for view, top, bottom in self._bands(world_from_camera):
             rays = self._rays.rows(top, bottom)
-            seen = self._look(view, rays)
+            seen = self._look(view, rays, self._rays.corners(top, bottom))
             shades = [np.where(seen.missed, _SKY, seen.reflectance * light) for light in lights(seen)]
             visible = [np.where(rays.blind, _BLACK, shade.reshape(-1, samples, camera.width)) for shade in shades]
             bands.append([shade.mean(axis=1, dtype=np.float32) for shade in visible])
@@ -197,14 +197,30 @@ class Renderer:
         heights: NDArray[np.float64] = above * seen_side
         return heights
 
-    def _look(self, view: _View, rays: Rays) -> _Seen:
-        """Visible points along the rays."""
-        centre, directions = view.world_from_camera[:3, 3], _rotated(view.world_from_camera, rays, np.float32)
-        by_ray = self._raycaster.first_triangle(centre, directions)
-        triangle = by_ray.astype(np.intp).reshape(rays.shape)
+    def _look(self, view: _View, rays: Rays, corners: Rays) -> _Seen:
+        """Visible points along the rays of some rows of pixels."""
+        triangle = self._first_triangles(view, rays, corners)
         s, t, shrink, footprint = self._locate(view, triangle, rays)
         reflectance = self._atlas.read(self._texture[triangle], s, t, footprint)
-        return _Seen(view, rays, triangle.ravel(), shrink.ravel(), reflectance.ravel(), by_ray == MISS)
+        return _Seen(view, rays, triangle.ravel(), shrink.ravel(), reflectance.ravel(), triangle.ravel() == MISS)
+
+    def _first_triangles(self, view: _View, rays: Rays, corners: Rays) -> NDArray[np.intp]:
+        """First triangle that each ray hits, (rows, samples, width).
+
+        Where one triangle is seen at all four corners of a pixel, all of the pixel sees it, but for parts of others in
+        front of it that are smaller than a pixel: these are not in the image.
+        """
+        pose = view.world_from_camera
+        at = self._raycaster.first_triangle(pose[:3, 3], _rotated(pose, corners, np.float32))
+        at = np.where(corners.blind, MISS, at.reshape(corners.shape))[:, 0]
+        first = at[:-1, :-1]
+        same = (first == at[:-1, 1:]) & (first == at[1:, :-1]) & (first == at[1:, 1:]) & (first != MISS)
+        found = np.broadcast_to(first[:, None], rays.shape).astype(np.intp)
+        row, column = np.nonzero(~same)
+        x, y = (np.broadcast_to(one, rays.shape)[row, :, column] for one in (rays.x, rays.y))
+        directions = _rotated(pose, replace(rays, x=x, y=y), np.float32)
+        found[row, :, column] = self._raycaster.first_triangle(pose[:3, 3], directions).reshape(x.shape)
+        return found
 
     def _locate(
         self, view: _View, triangle: NDArray[np.intp], rays: Rays

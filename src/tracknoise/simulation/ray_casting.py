@@ -210,8 +210,8 @@ class PinholeRays:
         self._x = (np.arange(camera.width) + right[:, None] - camera.cx) / camera.fx
         self._y = (np.arange(camera.height)[:, None] + down - camera.cy) / camera.fy
         self._right, self._down = (1.0 / camera.fx, 0.0), (0.0, 1.0 / camera.fy)
-        u, v = np.arange(camera.width + 1) - 0.5, np.arange(camera.height + 1) - 0.5
-        self._corners = (u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy
+        self._corner_x = (np.arange(camera.width + 1, dtype=np.float64) - 0.5 - camera.cx) / camera.fx
+        self._corner_y = (np.arange(camera.height + 1, dtype=np.float64) - 0.5 - camera.cy) / camera.fy
 
     def rows(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.rows`."""
@@ -219,8 +219,8 @@ class PinholeRays:
 
     def corners(self, top: int, bottom: int) -> Rays:
         """See `ImageRays.corners`."""
-        x, y = self._corners
-        return Rays(x[None, None], y[top : bottom + 1, None, None], self._right, self._down, False)
+        y = self._corner_y[top : bottom + 1]
+        return Rays(self._corner_x[None, None], y[:, None, None], self._right, self._down, False)
 
 
 class LensRays:

@@ -66,6 +66,17 @@ def test_images_with_intrinsics_and_a_trajectory_are_measured(tracknoise, files,
     assert tracknoise(*run, "--trackers", "lucas-kanade")[0] == 0
 
 
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+def test_images_of_16_bits_have_the_levels_of_their_sensor(tracknoise, files, walk, bits):
+    for index in range(FRAMES):
+        deep = np.rint(walk.image(index) * ((2**bits - 1) / 255.0)).astype(np.uint16)
+        assert cv2.imwrite(str(files / "shots" / f"shot{index}.png"), deep)
+    arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "kitti.txt")]
+    assert tracknoise("init", *arguments, "-o", str(files / "x.toml"))[0] == 0
+    assert tomllib.loads((files / "x.toml").read_text())["dataset"]["options"]["image_levels"] == [0, 2**bits - 1]
+    np.testing.assert_allclose(opened(files / "x.toml").image(3), walk.image(3), atol=1)
+
+
 @pytest.mark.usefixtures("lean")
 def test_a_changed_trajectory_is_measured_again(tracknoise, files):
     arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "kitti.txt")]

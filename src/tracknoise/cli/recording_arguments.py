@@ -29,7 +29,7 @@ TrajectoryOption = Annotated[
 _DEPTH, _DEPTHS = "depth", ("recorded", "stereo")
 _TRAJECTORY_OF = "trajectory_of"
 """Options that are none of the reader: keys of the sections `truth` and `dataset` of an experiment."""
-_CAMERA_FILE = "camera_file"
+_CAMERA_FILE, _LEVELS = "camera_file", "image_levels"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,11 +110,37 @@ def open_recording(
             with_file = [kind for kind in READERS.names() if _is_of_reader(kind, _CAMERA_FILE)]
             raise SettingsError(f"--camera: the reader {name} takes none, expected one of {', '.join(with_file)}")
         given[_CAMERA_FILE] = str(camera)
+    if _is_of_reader(name, _LEVELS) and _LEVELS not in given:
+        given |= _levels(name, path, given)
     reader = make_reader(name, path, given)
     if trajectory is not None:
         trajectory = str(absolute(Path(), Path(trajectory)))
         reader = posed_by(reader, trajectory, of)
     return Recording(reader, path, given, stereo, trajectory, of)
+
+
+def _levels(name: str, path: Path | None, options: dict[str, object]) -> dict[str, object]:
+    """The option for images of 16 bits, by three of the first recording; none for others, or where they are damaged."""
+    from tracknoise.exceptions import DataError
+    from tracknoise.sequences.images import ALL_LEVELS, DeepImageError, likely_levels
+    from tracknoise.sequences.reader_registry import make_reader
+    from tracknoise.sequences.sequence import ImageReader
+
+    def opened(more: dict[str, object]) -> "Images":
+        reader = make_reader(name, path, options | more)
+        if isinstance(reader, ImageReader):
+            return reader.open_images(reader.recordings()[0])
+        return reader.open(reader.sequences()[0])
+
+    try:
+        try:
+            opened({}).image(0)
+        except DeepImageError:
+            deep = opened({_LEVELS: list(ALL_LEVELS)})
+            return {_LEVELS: [*likely_levels(deep.image(place) for place in {0, len(deep) // 2, len(deep) - 1})]}
+    except DataError:  # which is said where the recording is read
+        pass
+    return {}
 
 
 def _is_of_reader(name: str, option: str) -> bool:

@@ -20,7 +20,7 @@ from tracknoise.foreign_files import read_text
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.sequences.camera_files import CameraFile, cameras_in, read_camera_file, read_yaml
-from tracknoise.sequences.images import Levels, read_gray, require_levels
+from tracknoise.sequences.images import Levels, level_notes, read_gray, require_levels
 from tracknoise.sequences.likely_times import StatedBy, require_likely_rate, require_pose_rate
 from tracknoise.sequences.poses import checked_poses, no_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
@@ -419,6 +419,7 @@ class Euroc(SceneReader):
             notes=(
                 f"the camera is that of {file}",
                 *calibration.notes,
+                *level_notes(self.image_levels),
                 *order_notes(images.path, images.times_ns),
                 *notes,
                 *second_notes,

@@ -26,7 +26,14 @@ from tracknoise.geometry.cameras import LENSES, CameraModel, KnownCamera, model_
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
-from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png16, require_levels
+from tracknoise.sequences.images import (
+    first_readable,
+    image_size,
+    level_notes,
+    read_depth_npy,
+    read_depth_png16,
+    require_levels,
+)
 from tracknoise.sequences.likely_times import seconds_of
 from tracknoise.sequences.poses import no_poses, quaternion_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import (
@@ -143,7 +150,12 @@ class Folder(SceneReader):
             shutter=stated.shutter,
             images=ImageFiles(images, stated.camera, self.image_levels),
             depths=depth_files(depths, stated.camera, partial(_with_radius, read_depth, self.depth_radius_px)),
-            notes=(*stated.notes, *self._notes(), *time_notes, *(depth_notes(depths) if any(depths) else ())),
+            notes=(
+                *stated.notes,
+                *level_notes(self.image_levels),
+                *time_notes,
+                *(depth_notes(depths) if any(depths) else ()),
+            ),
             group=parent_of(sequence.scene),
         )
 
@@ -170,7 +182,7 @@ class Folder(SceneReader):
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
             notes=(
                 *stated.notes,
-                *self._notes(),
+                *level_notes(self.image_levels),
                 *surplus_notes(folder / _POSES, poses=len(rows), images=len(images)),
                 *(depth_notes(depths) if is_there(folder / _DEPTH) else ()),
             ),
@@ -181,12 +193,6 @@ class Folder(SceneReader):
         """The camera of the file that the options name; an image says its size where the file does not."""
         assert self.camera_file is not None, "otherwise each scene has its own"
         return read_camera_file(self.camera_file, camera=self.camera, size=image_size(image), lens=self.lens)
-
-    def _notes(self) -> tuple[str, ...]:
-        if self.image_levels is None:
-            return ()
-        black, white = self.image_levels
-        return (f"16-bit images are scaled: {black:g} becomes 0 and {white:g} becomes 255",)
 
     def _image_folders(self) -> dict[str, Path]:
         return find_scenes(

@@ -26,6 +26,7 @@ Levels = tuple[float, float]
 """Values of a 16-bit image that become 0 and 255."""
 
 _MOST_LEVEL = 65535
+ALL_LEVELS: Levels = (0.0, _MOST_LEVEL)
 NO_DEPTH = (0, _MOST_LEVEL)
 """16-bit integers that are no depth: nothing was measured, or more than can be written."""
 
@@ -80,8 +81,27 @@ def read_gray(path: Path, camera: CameraModel, *, levels: Levels | None = None) 
     if image.dtype == np.uint8:
         return image
     if levels is None:
-        raise DataError(path, f"a {_layout(image)}", "8 bits, or image_levels = [low, high] of folder or euroc")
+        raise DeepImageError(path, f"a {_layout(image)}", "8 bits, or image_levels = [low, high] of folder or euroc")
     return scaled(image, levels)
+
+
+class DeepImageError(DataError):
+    """An image has 16 bits, and no levels are stated."""
+
+
+def likely_levels(images: Iterable[NDArray[np.uint8]]) -> tuple[int, int]:
+    """Levels of a sensor of 10, 12, 14 or 16 bits, by images that were read with `ALL_LEVELS`: the fewest bits."""
+    largest = max(int(image.max()) for image in images)
+    bits = next((bits for bits in (10, 12, 14) if largest <= round(255.0 * (2**bits - 1) / _MOST_LEVEL)), 16)
+    return 0, 2**bits - 1
+
+
+def level_notes(levels: Levels | None) -> tuple[str, ...]:
+    """How images of 16 bits are read."""
+    if levels is None:
+        return ()
+    black, white = levels
+    return (f"16-bit images are scaled: {black:g} becomes 0 and {white:g} becomes 255",)
 
 
 def scaled(image: NDArray[np.uint16], levels: Levels) -> NDArray[np.uint8]:

@@ -14,7 +14,7 @@ from tracknoise.checks import NotNegative, Positive, require, require_bounds
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
-from tracknoise.sequences.images import Levels, require_levels
+from tracknoise.sequences.images import Levels, level_notes, require_levels
 from tracknoise.sequences.likely_times import require_likely_rate
 from tracknoise.sequences.orientation import turned_notes
 from tracknoise.sequences.poses import checked_poses, no_poses, pose_notes
@@ -167,6 +167,7 @@ class Rosbag(SceneReader):
             depths=depths,
             notes=(
                 *camera_notes,
+                *level_notes(self.image_levels),
                 *sources,
                 *depth_notes,
                 *_repeated(scan, positions),

@@ -15,7 +15,7 @@ from tracknoise.foreign_files import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.rosbag_files import TRANSFORMS, Bag, Topic
 from tracknoise.sequences.camera_files import CameraFile, checked_camera
-from tracknoise.sequences.images import NO_DEPTH, Levels, decode_image, scaled
+from tracknoise.sequences.images import NO_DEPTH, DeepImageError, Levels, decode_image, scaled
 from tracknoise.sequences.poses import quaternion_poses
 from tracknoise.sequences.scenes import with_option
 from tracknoise.text import counted
@@ -129,7 +129,7 @@ def _pixels16(place: str, message: Any) -> NDArray[np.uint16]:
 def _scaled(place: str, pixels: NDArray[np.uint16], levels: Levels | None) -> NDArray[np.uint8]:
     """16-bit values between two levels as 0 to 255."""
     if levels is None:
-        raise DataError(place, "16-bit images and no image_levels", "image_levels = [darkest, brightest]")
+        raise DeepImageError(place, "16-bit images and no image_levels", "image_levels = [darkest, brightest]")
     return scaled(pixels, levels)
 
 

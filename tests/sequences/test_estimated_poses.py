@@ -122,7 +122,28 @@ class TestByTime:
             found(tmp_path, tum([f"{time + 500:.6f}" for time in TIMES]), sequence_of(TIMES, START_NS))
 
 
+    @pytest.mark.parametrize(("first", "rows"), [(0, [0, 1, 2, 4, 5]), (1, [1, 2, 5]), (0, [0, 5])])
+    def test_numbers_of_frames_in_place_of_times(self, tmp_path, first, rows):
+        got = found(tmp_path, tum([row + first for row in rows], POSES[rows]), sequence_of(TIMES, START_NS))
+        np.testing.assert_allclose(got.world_from_camera[rows], POSES[rows], atol=1e-12)
+        assert np.isnan(np.delete(got.world_from_camera, rows, axis=0)).all()
+        assert f"their times are numbers of frames, from {first}" in got.pose_notes
+
+    def test_whole_seconds_of_a_slow_recording_are_times(self, tmp_path):
+        got = found(tmp_path, tum(range(3), POSES[:3]), sequence_of(0.5 * np.arange(COUNT)))
+        np.testing.assert_allclose(got.world_from_camera[::2], POSES[:3], atol=1e-12)
+
+
 class TestWithoutTimes:
+    def test_a_row_of_nan_is_no_pose(self, tmp_path):
+        values = POSES[:, :3].reshape(COUNT, 12).copy()
+        values[2] = np.nan
+        rows = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in values)
+        got = found(tmp_path, rows, sequence_of())
+        assert np.isnan(got.world_from_camera[2]).all()
+        np.testing.assert_allclose(np.delete(got.world_from_camera, 2, axis=0), np.delete(POSES, 2, axis=0), atol=1e-9)
+        assert "1 of 6 rows holds no pose (NaN)" in got.pose_notes
+
     def test_rows_of_kitti_belong_to_frames_in_order(self, tmp_path):
         rows = "".join(" ".join(f"{value:.17g}" for value in pose[:3].ravel()) + "\n" for pose in POSES)
         np.testing.assert_allclose(found(tmp_path, rows, sequence_of()).world_from_camera, POSES, atol=1e-12)
@@ -313,6 +334,7 @@ def test_published_accuracy_of_poses_is_not_that_of_a_trajectory(tmp_path):
         ("", "no rows, expected poses in the format of TUM"),
         ("1 2 3\n", r"a first row of 3 fields \(1 2 3\), expected poses in the format of TUM"),
         ("once upon a time\n", "a first row of 4 fields"),
+        ("PNG\0\0", "a binary file, expected poses in the format of TUM"),
         (tum(SECONDS) + "1 2\n", "2 fields, expected 8"),
     ],
 )

@@ -22,7 +22,7 @@ from tracknoise.sequences.euroc import pose_rows, read_table
 from tracknoise.sequences.kitti_files import POSE_COLUMNS, poses_of_rows
 from tracknoise.sequences.likely_times import require_seconds
 from tracknoise.sequences.other_poses import OtherPoses
-from tracknoise.sequences.poses import numbers, quaternion_poses, read_rows
+from tracknoise.sequences.poses import has_pose, no_poses, numbers, quaternion_poses, read_rows
 from tracknoise.sequences.sequence import ImageReader, Reader, Sequence, TruthKind, body_of, clock_start_of, times_of
 from tracknoise.sequences.timed_poses import PosesOf, path_through, poses_at, trajectory
 from tracknoise.sequences.views import View
@@ -107,8 +107,8 @@ def with_trajectory(
     """The sequence with the poses of a file, in any of the formats that this module names.
 
     Times are those of the recording's clock, or seconds since its first frame: the first of both at which there are
-    poses. Where the frames have no times, whole numbers are numbers of frames, and other rows belong to frames in
-    order.
+    poses. Whole numbers are numbers of frames where the frames have no times, or where as many seconds are longer than
+    the recording. Other rows belong to frames without times in order.
 
     Parameters
     ----------
@@ -157,6 +157,8 @@ def _read(path: Path) -> _File:
     if is_folder(path):
         return _colmap(path, _model(path))
     if b"\0" in read_bytes(path, _EXPECTED)[:_HEAD_BYTES]:
+        if path.suffix != Path(_BINARY).suffix:
+            raise DataError(path, "a binary file", _EXPECTED)
         return _colmap(path, path)
     header, first = _first_row(path)
     commas, fields = "," in first, first.replace(",", " ").split()
@@ -234,8 +236,12 @@ class _Timed:
     def __call__(self, sequence: Sequence, shift_s: float) -> Found:
         times_s = times_of(sequence)
         if times_s is None:
-            return self._of_untimed(sequence)
+            return self._of_numbers(len(sequence)) or self._of_untimed(sequence)
         clocks = list(_clocks(sequence, times_s, shift_s))
+        if self.times_ns.max() > 1e9 * np.ptp(times_s):  # else they may be seconds since the first frame
+            by_number = self._of_numbers(len(sequence))
+            if by_number is not None:
+                return by_number
         name, frames_ns = max(clocks, key=lambda clock: self._overlap(clock[1]))
         start_ns = frames_ns[0]
         recorded = trajectory(self.path, (self.times_ns - start_ns) / 1e9, self.rows, self.places)
@@ -250,16 +256,24 @@ class _Timed:
         """How many frames lie between the first and the last pose."""
         return int(np.count_nonzero((frames_ns >= self.times_ns.min()) & (frames_ns <= self.times_ns.max())))
 
+    def _of_numbers(self, count: int) -> Found | None:
+        """Poses of `count` frames by their numbers, where times are such numbers; None where they are not."""
+        frames = self.times_ns // 10**9
+        first = int(frames.min() > 0 and frames.max() == count)
+        frames = frames - first
+        if np.any(self.times_ns % 10**9) or len(np.unique(frames)) < len(frames):
+            return None
+        if frames.min() < 0 or frames.max() >= count:
+            return None
+        of_frames = no_poses(count)
+        of_frames[frames] = _in_order(self.path, self.rows, self.places)
+        without = int(np.count_nonzero(~has_pose(of_frames)))
+        lost = (f"{counted_of(without, count, 'frame', 'has', 'have')} no pose",) if without else ()
+        return of_frames, None, (*self.notes, f"their times are numbers of frames, from {first}", *lost)
+
     def _of_untimed(self, sequence: Sequence) -> Found:
-        """Poses by the numbers of frames where times are such numbers, otherwise in order."""
-        count, frames = len(sequence), self.times_ns // 10**9
-        poses = _in_order(self.path, self.rows, self.places)
-        are_numbers = not np.any(self.times_ns % 10**9) and len(np.unique(frames)) == len(frames)
-        if are_numbers and len(frames) < count and frames.min() >= 0 and frames.max() < count:
-            of_frames = np.full((count, 4, 4), np.nan)
-            of_frames[frames] = poses
-            have = counted_of(count - len(frames), count, "frame", "has", "have")
-            return of_frames, None, (*self.notes, "their times are numbers of frames, from 0", f"{have} no pose")
+        """Poses in order."""
+        count, poses = len(sequence), _in_order(self.path, self.rows, self.places)
         if len(poses) != count:
             found = f"{counted(len(poses), 'pose')} for {counted(count, 'frame')} without times"
             raise DataError(self.path, found, "one row per frame")

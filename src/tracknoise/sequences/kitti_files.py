@@ -31,10 +31,10 @@ from scipy.spatial.transform import Rotation
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, read_bytes, read_text
 from tracknoise.geometry.cameras import Camera
-from tracknoise.sequences.poses import checked_poses, read_rows, require_near
+from tracknoise.sequences.poses import checked_poses, no_poses, read_rows, require_near
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken
 from tracknoise.sequences.sequence import require_directory
-from tracknoise.text import counted
+from tracknoise.text import counted, counted_of
 
 IMAGES, OXTS, VELODYNE = "image_02", "oxts", "velodyne_points"
 DEPTH, POSES = "proj_depth", "poses_image_02.txt"
@@ -204,10 +204,18 @@ def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.f
 
 
 def poses_of_rows(rows: NDArray[np.float64], places: Sequence[str]) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    """Check poses of 12 numbers, the first three rows of a matrix. Shapes: rows (n, 12); returns poses (n, 4, 4)."""
-    poses = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
-    poses[:, :3] = rows.reshape(-1, 3, 4)
-    return checked_poses(poses, places)
+    """Check poses of 12 numbers, the first three rows of a matrix; a row of NaN is none.
+
+    Shapes: rows (n, 12); returns poses (n, 4, 4), and notes.
+    """
+    posed = np.flatnonzero(~np.isnan(rows).all(axis=1))
+    poses = np.broadcast_to(np.eye(4), (len(posed), 4, 4)).copy()
+    poses[:, :3] = rows[posed].reshape(-1, 3, 4)
+    found = no_poses(len(rows))
+    found[posed], notes = checked_poses(poses, [places[index] for index in posed.tolist()])
+    lost = len(rows) - len(posed)
+    hold = counted_of(lost, len(rows), "row", "holds", "hold")
+    return found, (*notes, *((f"{hold} no pose (NaN)",) if lost else ()))
 
 
 def _numbers(place: str, key: str, fields: list[str], count: int) -> NDArray[np.float64]:

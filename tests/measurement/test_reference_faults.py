@@ -57,6 +57,13 @@ def test_a_wrong_focal_length_on_one_plane_is_bounded(moves):
     assert floor_px(found) > 0.6 * found.really_px()
 
 
+@pytest.mark.parametrize("factor", [0.9, 1.1])
+def test_exact_poses_lead_where_the_focal_length_is_wrong(factor):
+    found = with_focal(made(POSES, per_kind=120), factor).refined(POSES)
+    assert not found.fit.leads
+    assert "error of the camera" in found.fit.reason
+
+
 @pytest.mark.parametrize("drift_m", [0.02, 0.005, 0.002, 0.0005])
 def test_a_third_of_the_image_that_moves_on_its_own_is_bounded_or_refused(drift_m):
     found = made(POSES, per_kind=120, moving=0.33, drift_m=drift_m).refined(STATED)

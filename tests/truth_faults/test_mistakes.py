@@ -77,6 +77,16 @@ def test_a_planted_mistake_is_named(name, where, data_root):
 
 
 @pytest.mark.parametrize("where", RECORDINGS)
+@pytest.mark.parametrize("factor", [0.8, 0.9, 1.1, 1.25])
+def test_a_wrong_focal_length_is_no_mistake_of_the_poses(where, factor, data_root):
+    seen = evidence(where, data_root)
+    camera = replace(seen.camera, fx=factor * seen.camera.fx, fy=factor * seen.camera.fy)
+    for known in (seen, replace(seen, flow=without_depth(seen.flow))):
+        item = mistakes(replace(known, camera=camera))
+        assert item.values.get("mistake", "focal") == "focal", item.text
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
 def test_a_kind_of_depth_that_is_known_is_not_tried(where, data_root):
     found = planted("ray depth", recording(where, data_root), evidence(where, data_root))
     item = mistakes(replace(found, z_depth_from="stereo matching"))

@@ -28,11 +28,14 @@ from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.accuracy import TruthAccuracy
+from tracknoise.geometry.cameras import Intrinsics
+from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.pose import PosePath, invert
-from tracknoise.measurement.adjusted_depths import READOUT, AdjustedDepths
+from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepths
 from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KEPT_DEPTH_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
@@ -69,6 +72,8 @@ _CLEARLY, _LEAST_PX = 1.5, 0.01
 least size."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
+_FARTHEST_FOCAL = 0.5
+"""Largest relative error of a focal length that is tried."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -315,15 +320,35 @@ def _compared(
 def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
     """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave, px.
 
-    It has to be established: no poses absorb all of it. Other poses would only hide it.
+    It has to be established: no poses absorb all of it, or without it stated poses fit tracks of each kind much better.
+    Other poses would only hide it.
     """
-    tracks = depths.adjustment.tracks
-    young = tracks.frame - tracks.birth[tracks.track] <= AGE
-    return any(
-        fault.is_established and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
+    young = _young(depths)
+    large = {
+        name: fault
         for name, fault in depths.faults.items()
-        if name != READOUT
-    )
+        if name != READOUT and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
+    }
+    if any(fault.is_established for fault in large.values()):
+        return True
+    return FOCAL in large and _fit_another_focal_length(depths, large[FOCAL].size)
+
+
+def _young(depths: AdjustedDepths) -> NDArray[np.bool_]:
+    tracks = depths.adjustment.tracks
+    return np.asarray(tracks.frame - tracks.birth[tracks.track] <= AGE)
+
+
+def _fit_another_focal_length(depths: AdjustedDepths, relative: float) -> bool:
+    """Whether stated poses and depths fit tracks of each kind much better with another focal length."""
+    sequence, tracks, young = depths.sequence, depths.adjustment.tracks, _young(depths)
+    if not isinstance(sequence.camera, Intrinsics) or not -_FARTHEST_FOCAL < relative < _FARTHEST_FOCAL:
+        return False
+    other = PoseAdjustment(corrected(sequence, Corrections(focal_scale=1.0 + relative)), tracks)
+    before, after = (one.residuals(sequence.world_from_camera, depths.stated_m) for one in (depths.adjustment, other))
+    kind = tracks.kind[tracks.track]
+    of_kinds = (young & (kind == number) for number in np.unique(kind))
+    return all(size(after[rows]) < (1.0 - _MUCH) * size(before[rows]) for rows in of_kinds)
 
 
 def stated_errors(found: RefinedPoses) -> dict[str, float] | None:

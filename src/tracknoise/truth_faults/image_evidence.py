@@ -331,6 +331,22 @@ def any_scale() -> tuple[Hypothesis, ...]:
     )
 
 
+_PER_CENT_TOO_LONG = (-40, -30, -20, -15, -10, -7, 7, 10, 15, 20, 30, 45, 60)
+
+
+@lru_cache
+def other_focal_lengths() -> tuple[Hypothesis, ...]:
+    """Focal lengths that are not those of another resolution."""
+    return tuple(
+        Hypothesis(
+            "focal",
+            f"the focal length is about {abs(share)} % too {'long' if share > 0 else 'short'}",
+            zoom=1.0 / (1.0 + share / 100.0),
+        )
+        for share in _PER_CENT_TOO_LONG
+    )
+
+
 def _times(factor: float, shown: Callable[[float], str]) -> str:
     return f"{shown(factor)} times too small" if factor > 1.0 else f"{shown(1.0 / factor)} times too large"
 

@@ -29,6 +29,7 @@ from tracknoise.truth_faults.image_evidence import (
     epipolar_px,
     focal_px,
     hypotheses,
+    other_focal_lengths,
     relative_pose,
     reprojection_px,
     residual_px,
@@ -135,11 +136,11 @@ def mistakes(evidence: Evidence) -> Item:
     even = np.arange(len(pairs)) % 2 == 0
     choosing, judging = even | are_few, ~even | are_few
     gains = _gains(candidates, tried, given_px, choosing)
-    if candidates[int(np.argmin(gains))].kind == "scale":  # the usual factors are tried first
-        candidates = [*candidates, *any_scale()]
-        tried = np.concatenate(
-            [tried, [_residuals(evidence, pairs, hypothesis, most_px) for hypothesis in any_scale()]]
-        )
+    more = [*(any_scale() if candidates[int(np.argmin(gains))].kind == "scale" else ())]  # usual factors come first
+    more += other_focal_lengths() if gains.min() <= MOST_GAIN else ()
+    if more:
+        candidates = [*candidates, *more]
+        tried = np.concatenate([tried, [_residuals(evidence, pairs, hypothesis, most_px) for hypothesis in more]])
         gains = _gains(candidates, tried, given_px, choosing)
     tied = _tied(candidates, np.log(gains))
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]

@@ -185,6 +185,11 @@ def with_focal(recording: Made, factor: float) -> Made:
     return replace(recording, camera=camera)
 
 
+def with_k1(recording: Made, k1: float) -> Made:
+    """The same with another stated k1."""
+    return replace(recording, camera=replace(CAMERA, distortion=(k1, 0.0, 0.0, 0.0)))
+
+
 def _seen(points: np.ndarray, poses: np.ndarray, frames: np.ndarray, readout_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Positions (n, 2) and depths (n,) of points (n, 3) in frames (n,); each row sees with the pose of its time."""
     seen = transform(invert(poses[frames]), points)

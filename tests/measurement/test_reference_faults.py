@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.measurement.made_tracks import Found, made, path, spoilt, wall, with_focal
+from tests.measurement.made_tracks import Found, made, path, spoilt, wall, with_focal, with_k1
 
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.truth.accuracies import AccuracyRule, known_accuracy
@@ -57,9 +57,9 @@ def test_a_wrong_focal_length_on_one_plane_is_bounded(moves):
     assert floor_px(found) > 0.6 * found.really_px()
 
 
-@pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_exact_poses_lead_where_the_focal_length_is_wrong(factor):
-    found = with_focal(made(POSES, per_kind=120), factor).refined(POSES)
+@pytest.mark.parametrize(("changed", "by"), [(with_focal, 0.9), (with_focal, 1.1), (with_k1, -0.1), (with_k1, 0.1)])
+def test_exact_poses_lead_where_the_camera_is_wrong(changed, by):
+    found = changed(made(POSES, per_kind=120), by).refined(POSES)
     assert not found.fit.leads
     assert "error of the camera" in found.fit.reason
 

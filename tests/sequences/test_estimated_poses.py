@@ -121,7 +121,6 @@ class TestByTime:
         with pytest.raises(DataError, match="expected poses at the times of images"):
             found(tmp_path, tum([f"{time + 500:.6f}" for time in TIMES]), sequence_of(TIMES, START_NS))
 
-
     @pytest.mark.parametrize(("first", "rows"), [(0, [0, 1, 2, 4, 5]), (1, [1, 2, 5]), (0, [0, 5])])
     def test_numbers_of_frames_in_place_of_times(self, tmp_path, first, rows):
         got = found(tmp_path, tum([row + first for row in rows], POSES[rows]), sequence_of(TIMES, START_NS))

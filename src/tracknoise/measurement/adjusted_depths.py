@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.exceptions import DataError
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.corrected import corrected
@@ -29,6 +30,7 @@ LAWS: Mapping[str, tuple[int, float]] = {"inverse_depth_offset_per_m": (1, -1.0)
 """A unit of each correction adds s Z^p to the logarithm of a depth Z: the power p and the sign s."""
 READOUT, FOCAL, ALONG_RAY = "readout_ms", "focal_relative", "depth_along_ray"
 """Faults that are not of the depths, by the figures of `TruthAccuracy` and `Corrections`."""
+_RADIAL = "k1"
 _SETTLED, _STEPS = 0.05, 8
 """Steps to the size of a law end at one of this part of it, or after so many."""
 _LOWER = 0.99
@@ -111,6 +113,28 @@ class AdjustedDepths:
     def faults(self) -> Mapping[str, Fault]:
         """How much of these faults reference tracks hold."""
         return self.adjustment.faults(self.best, self.displaced)
+
+    @cached_property
+    def radial(self) -> Fault | None:
+        """How much of an error of k1 reference tracks hold; None where a camera has no k1."""
+        unit = 1e-3
+        try:
+            other = self.with_camera(Corrections(k1=unit))
+        except DataError:
+            return None
+        poses, depth_m = self.best.poses, self.best.depth_m
+        moved = self.adjustment.residuals(poses, depth_m) - other.residuals(poses, depth_m)
+        return self.adjustment.faults(self.best, {_RADIAL: moved / unit})[_RADIAL]
+
+    def with_camera(self, corrections: Corrections) -> PoseAdjustment:
+        """The adjustment with a corrected camera.
+
+        Raises
+        ------
+        DataError
+            If the camera has no such number, or no rays then.
+        """
+        return self.adjustment.with_cameras(corrected(self.sequence, corrections))
 
     def _is_better_joined(self) -> bool:
         """Whether depths that are joined over maps predict reference tracks better, in some frames."""

@@ -27,15 +27,14 @@ from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
 
+from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.accuracy import TruthAccuracy
-from tracknoise.geometry.cameras import Intrinsics
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepths
 from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
-from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KEPT_DEPTH_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
@@ -72,8 +71,6 @@ _CLEARLY, _LEAST_PX = 1.5, 0.01
 least size."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
-_FARTHEST_FOCAL = 0.5
-"""Largest relative error of a focal length that is tried."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -300,12 +297,14 @@ def _compared(
     if not residual_px < _MOST_RESIDUAL_PX:
         reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
         return PoseFit(False, references, reason=reason)
+    of_camera = "An error of the camera or the kind of depth makes much of the errors by stated poses."
     if _is_of_camera(depths, given_px):
-        reason = "An error of the camera or the kind of depth makes much of the errors by stated poses."
-        return replace(fit, leads=False, reason=reason)
+        return replace(fit, leads=False, reason=of_camera)
     if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or adjusted.joins_depths):
         reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
         return replace(fit, leads=False, reason=reason)
+    if _is_of_lens(depths):
+        return replace(fit, leads=False, reason=of_camera)
     if not {"rotation", "translation"} <= stated.topics:
         return fit
     points = adjustment.anchored_points(sequence.world_from_camera, depth_m, np.flatnonzero(rows))
@@ -331,7 +330,12 @@ def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
     }
     if any(fault.is_established for fault in large.values()):
         return True
-    return FOCAL in large and _fit_another_focal_length(depths, large[FOCAL].size)
+    return FOCAL in large and _fit_much_better(depths, {"focal_scale": 1.0 + large[FOCAL].size})
+
+
+def _is_of_lens(depths: AdjustedDepths) -> bool:
+    """Whether stated poses fit tracks of each kind much better with another k1."""
+    return depths.radial is not None and _fit_much_better(depths, {"k1": depths.radial.size})
 
 
 def _young(depths: AdjustedDepths) -> NDArray[np.bool_]:
@@ -339,13 +343,15 @@ def _young(depths: AdjustedDepths) -> NDArray[np.bool_]:
     return np.asarray(tracks.frame - tracks.birth[tracks.track] <= AGE)
 
 
-def _fit_another_focal_length(depths: AdjustedDepths, relative: float) -> bool:
-    """Whether stated poses and depths fit tracks of each kind much better with another focal length."""
-    sequence, tracks, young = depths.sequence, depths.adjustment.tracks, _young(depths)
-    if not isinstance(sequence.camera, Intrinsics) or not -_FARTHEST_FOCAL < relative < _FARTHEST_FOCAL:
+def _fit_much_better(depths: AdjustedDepths, correction: dict[str, Any]) -> bool:
+    """Whether stated poses and depths fit tracks of each kind much better with a corrected camera."""
+    try:
+        other = depths.with_camera(Corrections(**correction))
+    except (DataError, SettingsError):  # numbers that no camera has
         return False
-    other = PoseAdjustment(corrected(sequence, Corrections(focal_scale=1.0 + relative)), tracks)
-    before, after = (one.residuals(sequence.world_from_camera, depths.stated_m) for one in (depths.adjustment, other))
+    tracks, young = depths.adjustment.tracks, _young(depths)
+    poses = depths.sequence.world_from_camera
+    before, after = (one.residuals(poses, depths.stated_m) for one in (depths.adjustment, other))
     kind = tracks.kind[tracks.track]
     of_kinds = (young & (kind == number) for number in np.unique(kind))
     return all(size(after[rows]) < (1.0 - _MUCH) * size(before[rows]) for rows in of_kinds)

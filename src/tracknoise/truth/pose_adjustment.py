@@ -255,6 +255,13 @@ class PoseAdjustment:
         part._depth_prior = np.where(has_depth, self._depth_prior, np.inf)
         return part
 
+    def with_cameras(self, sequence: Sequence) -> "PoseAdjustment":
+        """The adjustment with the cameras of another sequence of the same frames."""
+        part = copy(self)
+        part._cameras = ObservedCameras.of(sequence, np.arange(len(self._stated)))
+        part._rays = part._cameras.chosen(self.tracks.birth).bearings(self.tracks.birth_uv)
+        return part
+
     def _choose(self, tracks: NDArray[np.bool_]) -> None:
         """Leave out the other tracks, but for what their depths are at the start."""
         self.tracks = self.tracks.chosen(tracks)

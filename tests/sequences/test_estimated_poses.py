@@ -95,11 +95,16 @@ class TestByTime:
         assert any("by time" in note for note in opened.notes)
 
     def test_frames_outside_or_in_a_gap_have_no_pose(self, tmp_path):
-        text = tum([SECONDS[index] for index in (1, 2, 5)], POSES[[1, 2, 5]])
+        rows = [0, 1, 2, 5]
+        text = tum([SECONDS[index] for index in rows], POSES[rows])
         opened = found(tmp_path, text, sequence_of(TIMES, START_NS))
-        known = np.isfinite(opened.world_from_camera[:, 0, 0])
-        assert known.tolist() == [False, True, True, False, False, True]
-        assert any("3 of 6 frames have no pose" in note for note in opened.notes)
+        assert np.flatnonzero(np.isfinite(opened.world_from_camera[:, 0, 0])).tolist() == rows
+        assert any("2 of 6 frames have no pose" in note for note in opened.notes)
+
+    def test_poses_of_keyframes_are_interpolated(self, tmp_path):
+        opened = found(tmp_path, tum([f"{TIMES[row]:.3f}" for row in (0, 4)], POSES[[0, 4]]), sequence_of(TIMES))
+        assert np.isfinite(opened.world_from_camera[:, 0, 0]).tolist() == [True] * 5 + [False]
+        np.testing.assert_allclose(opened.world_from_camera[2, :3, 3], POSES[[0, 4], :3, 3].mean(axis=0), atol=1e-9)
 
     def test_slow_frames_with_rounded_times_have_poses(self, tmp_path):
         times = np.arange(COUNT) * 0.25

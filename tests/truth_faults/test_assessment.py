@@ -239,6 +239,12 @@ def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
     assert verdict(sizes=sizes, pose_shares=poses(lk=(own, others))).verdict == expected
 
 
+def test_what_is_stated_is_a_share_of_the_core_where_tracks_are_too_few_for_an_audit() -> None:
+    found = verdict(audit=audit()[:0], sizes={"lk": ErrorSize(10, 2.0, {10: 0.1}, core_px=0.2)}, pose_shares=poses())
+    assert found.verdict == Trust.limited
+    assert "Its stated errors can explain up to 25.0 % of the squared errors." in found.text
+
+
 def test_depths_that_their_maps_contradict_are_not_to_be_stated_but_replaced() -> None:
     better = "Use more accurate depths, or a recording with less parallax."
     shown = {"depths": (0.4, 0.3, 0.7), "maps": (0.37, 0.3, 0.4)}

@@ -99,10 +99,12 @@ def _sizes(summary: pl.DataFrame, trimming: str, floor: pl.DataFrame) -> dict[st
     """Size of the errors of each tracker whose errors are known, and by age of what is stated of the truth."""
     sizes = {}
     for row in summary.drop_nulls("at").to_dicts():
+        core = [row[f"{trimming}_core_{axis}_px"] for axis in "uv"]
         stated = floor.filter(pl.col("at") <= row["at"], tracker=row["tracker"]).select("at", "floor_uu", "floor_vv")
         sizes[row["tracker"]] = ErrorSize(
             age=row["at"],
             error_px=hypot(row[f"{trimming}_rms_u_px"], row[f"{trimming}_rms_v_px"]),
             stated_px={age: sqrt(uu + vv) for age, uu, vv in stated.iter_rows()} or None,
+            core_px=None if None in core else hypot(*core),
         )
     return sizes

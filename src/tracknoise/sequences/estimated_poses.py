@@ -30,9 +30,10 @@ from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 from tracknoise.time_units import TimeUnit, unit_of_clock
 
-LONGEST_GAP_S = 0.1
-"""Longest time between two poses of a file that are interpolated, seconds; 1.5 frames where that is longer."""
-_GAP_FRAMES = 1.5
+LONGEST_GAP_S, _LONGEST_OF_KEYFRAMES_S = 0.1, 0.5
+"""Longest time between two poses of a file that are interpolated, seconds: 1.5 frames where that is longer, or 1.5
+times what is usual between its poses, up to the second."""
+_GAPS = 1.5
 _SAME_TIME_S = 1e-6
 """A frame this close to a pose in time has this pose: times are rounded when they are shifted, or written."""
 
@@ -140,7 +141,7 @@ def with_trajectory(
     kind = f"they are in the format of {file.layout}, of the {poses_of}"
     times_s = times_of(sequence)
     if along is not None and times_s is not None:
-        along = path_through(times_s, poses, along, max_gap_s=_longest_gap_s(times_s))
+        along = path_through(times_s, poses, along, max_gap_s=_longest_gap_s(times_s, along.times))
     return OtherPoses(sequence, poses, str(path), along, (kind, *notes))
 
 
@@ -248,7 +249,7 @@ class _Timed:
         frames_s = (frames_ns - start_ns) / 1e9
         same = nearest(frames_s, recorded.times_s, max_gap_s=_SAME_TIME_S)
         at_s = np.where(same >= 0, recorded.times_s[same], frames_s)
-        poses, notes = poses_at(recorded, at_s, max_gap_s=_longest_gap_s(times_s))
+        poses, notes = poses_at(recorded, at_s, max_gap_s=_longest_gap_s(times_s, recorded.times_s))
         along = PosePath(recorded.times_s + times_s[0], recorded.poses)
         return poses, along, (*self.notes, f"they belong to frames by time, {name}", *notes)
 
@@ -293,9 +294,12 @@ def _clocks(
     yield "in seconds since the first frame", own_ns - np.int64(np.rint(1e9 * times_s[0]))
 
 
-def _longest_gap_s(times_s: NDArray[np.float64]) -> float:
-    step_s = float(np.median(np.diff(times_s))) if len(times_s) > 1 else 0.0
-    return max(LONGEST_GAP_S, _GAP_FRAMES * step_s)
+def _longest_gap_s(times_s: NDArray[np.float64], posed_s: NDArray[np.float64]) -> float:
+    """From the times of frames and of poses."""
+    of_frames, of_poses = (
+        _GAPS * float(np.median(np.diff(one))) if len(one) > 1 else 0.0 for one in (times_s, posed_s)
+    )
+    return max(LONGEST_GAP_S, of_frames, min(of_poses, _LONGEST_OF_KEYFRAMES_S))
 
 
 def _rows(path: Path, layout: str, poses: NDArray[np.float64], notes: tuple[str, ...]) -> _File:

@@ -62,11 +62,14 @@ class ErrorSize:
     stated_px
         RMS that the stated accuracy of the truth can cause, px, by age up to this one; None where poses or depths have
         none.
+    core_px
+        Core, both coordinates together, px; None where it is not known.
     """
 
     age: int
     error_px: float
     stated_px: Mapping[int, float] | None = None
+    core_px: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,7 +152,7 @@ _UNKNOWN = _Share(0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class _Size:
-    """Size of the errors of a tracker that shares are of, px: the core where an audit knows it, otherwise the RMS.
+    """Size of the errors of a tracker that shares are of, px: the core where it is known, otherwise the RMS.
 
     Shares are in units of the robust scale. With heavy tails, the RMS within the wider limits of the audit's curves can
     be 1.8 times as large, which makes what is stated look small.
@@ -163,6 +166,7 @@ class _Size:
     age: int
     px: float
     is_core: bool
+    is_audited: bool = False
     stated_px: float | None = None
     stated_share: float | None = None
 
@@ -171,8 +175,9 @@ class _Size:
         """Of a tracker: at the last audited age up to that of its size."""
         rows = curves.filter(pl.col("age") <= size.age, tracker=tracker, correction=MEASURED).sort("age").to_dicts()
         cores = [hypot(row["core_u_px"], row["core_v_px"]) for row in rows]
-        px = cores[-1] if cores else size.error_px
-        measured, stated = cls(size.age, px, is_core=bool(rows)), size.stated_px
+        core = cores[-1] if cores else size.core_px or None
+        px = size.error_px if core is None else core
+        measured, stated = cls(size.age, px, is_core=core is not None, is_audited=bool(rows)), size.stated_px
         if not stated:
             return measured
         of_last = stated[max(stated)]
@@ -409,7 +414,7 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
             TruthCause.poses: poses,
         }
         shares = {cause: _UNKNOWN if share is None else share for cause, share in causes.items()}
-        if size.is_core or _UNKNOWN not in shares.values():
+        if size.is_audited or _UNKNOWN not in shares.values():
             bounds.append(_Bounds(tracker, size, shares, _bound(shares), depth_maps, is_alone=of_others is None))
         if (stated := size.stated_share) is not None:
             by_maps.append(depth_maps is not None and depth_maps.low > max(stated, _REPEATED))

@@ -18,6 +18,7 @@ from tracknoise.tables.manifest import PoseFit
 from tracknoise.truth.accuracies import known_accuracy
 from tracknoise.truth.uncertainty import AnchoredPoints, TrueErrors, TruthDerivatives
 from tracknoise.truth_faults.assessment import ErrorSize, TruthEvidence, assess
+from tracknoise.truth_faults.audit_fit import MEDIAN_TO_CORE
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import tables_of
@@ -80,10 +81,11 @@ def _size(sequence: Sequence, followed: Followed, samples: AuditSamples) -> Erro
     ages, counts = np.unique(samples.age[samples.age <= REFERENCE_AGE], return_counts=True)
     age = int(max(ages[counts >= _FEWEST], default=ages[np.argmax(counts)] if len(ages) else 0))
     at_age = samples.chosen(np.flatnonzero(samples.age == age))
-    square = float(np.mean(np.sum((at_age.observed - at_age.stated) ** 2, axis=1)))
-    return ErrorSize(
-        age, sqrt(square), _stated_px(sequence, followed, samples.chosen(np.flatnonzero(samples.age <= age)))
-    )
+    error = at_age.observed - at_age.stated
+    square = float(np.mean(np.sum(error**2, axis=1)))
+    core_px = float(np.hypot(*(MEDIAN_TO_CORE * np.median(np.abs(error), axis=0)))) if len(error) else None
+    stated_px = _stated_px(sequence, followed, samples.chosen(np.flatnonzero(samples.age <= age)))
+    return ErrorSize(age, sqrt(square), stated_px, core_px)
 
 
 def _stated_px(sequence: Sequence, followed: Followed, samples: AuditSamples) -> dict[int, float] | None:

@@ -5,8 +5,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from tests.truth_faults.planted import MISTAKES, without_depth
 
+from tracknoise.geometry.pose import invert
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.truth_faults.check_report import Severity
@@ -84,6 +86,33 @@ def test_a_wrong_focal_length_is_no_mistake_of_the_poses(where, factor, data_roo
     for known in (seen, replace(seen, flow=without_depth(seen.flow))):
         item = mistakes(replace(known, camera=camera))
         assert item.values.get("mistake", "focal") == "focal", item.text
+
+
+BODY_FROM_CAMERA = np.eye(4)
+BODY_FROM_CAMERA[:3, :3] = Rotation.from_euler("zyx", [91.0, 3.0, -2.0], degrees=True).as_matrix()
+BODY_FROM_CAMERA[:3, 3] = -0.02, -0.06, 0.01
+OF_BODIES = {
+    "mounting": (lambda body: body, invert(BODY_FROM_CAMERA), "the pose of the camera on the body"),
+    "inverted": (invert, BODY_FROM_CAMERA, "poses of the body are inverted"),
+    "quaternion_order": (lambda body: with_scalar_first(body), BODY_FROM_CAMERA, "w x y z were read as x y z w"),
+}
+"""What is read of poses of the body, the stated mounting, and words of what is said."""
+
+
+def with_scalar_first(body):
+    changed = body.copy()
+    quaternions = Rotation.from_matrix(body[:, :3, :3]).as_quat()[:, [3, 0, 1, 2]]
+    changed[:, :3, :3] = Rotation.from_quat(quaternions).as_matrix()
+    return changed
+
+
+@pytest.mark.parametrize("where", RECORDINGS)
+@pytest.mark.parametrize("kind", OF_BODIES)
+def test_a_mistake_in_poses_of_a_body_or_its_camera_is_named(where, kind, data_root):
+    seen, (read, mounting, words) = evidence(where, data_root), OF_BODIES[kind]
+    poses = read(seen.poses @ invert(BODY_FROM_CAMERA)) @ mounting
+    item = mistakes(replace(seen, poses=poses, body_from_camera=mounting))
+    assert (item.values["mistake"], words in item.text) == (kind, True), item.text
 
 
 @pytest.mark.parametrize("where", RECORDINGS)

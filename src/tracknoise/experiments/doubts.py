@@ -14,7 +14,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
-from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind, recorded_axes, z_depth_from
+from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
@@ -116,7 +116,7 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
     pairs = tuple(_pairs(observed, _depths_at_birth(measurement, observed) if born else {}))
     poses = sequence.world_from_camera[: measurement.n_frames]
     seen = seen_by_one_camera(Flow(pairs, ()), sequence)
-    evidence = Evidence.of(seen, poses, sequence.camera, z_depth_from(sequence), recorded_axes(sequence))
+    evidence = Evidence.stated(seen, poses, sequence)
     named = mistakes(evidence)
     clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
     return [named, *filter(None, [clipped])]

@@ -7,7 +7,7 @@ it.
 from collections.abc import Callable, Iterator
 from collections.abc import Sequence as ListOf
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import permutations, product
 from typing import TypeAlias
 
@@ -25,6 +25,7 @@ from tracknoise.sequences.sequence import (
     OPENGL_AXES,
     Axes,
     Sequence,
+    body_of,
     camera_at,
     recorded_axes,
     z_depth_from,
@@ -182,12 +183,23 @@ def _turning(poses: Poses) -> Poses:
     return changed
 
 
-def hypotheses(*, has_depth: bool = True, is_z: bool = False, expected: Axes = IMAGE_AXES) -> list[Hypothesis]:
-    """All mistakes that are looked for, the most usual first. `expected`: axes that the reader expects of poses."""
+def hypotheses(
+    *,
+    has_depth: bool = True,
+    is_z: bool = False,
+    expected: Axes = IMAGE_AXES,
+    body_from_camera: NDArray[np.float64] | None = None,
+) -> list[Hypothesis]:
+    """All mistakes that are looked for, the most usual first.
+
+    `expected`: axes that the reader expects of poses. `body_from_camera`: (4, 4), where the recording states it.
+    """
     orders = _quaternion_orders()
     known_axes, other_axes = _axes(expected)
+    is_mounted = body_from_camera is not None and not np.allclose(body_from_camera, np.eye(4))
     return [
         *_inversions(expected),
+        *(_of_body(body_from_camera) if body_from_camera is not None and is_mounted else ()),
         *known_axes,
         *orders[:2],
         *([AS_TURNING, *_scales()] if has_depth else []),
@@ -248,6 +260,25 @@ def _inversions(expected: Axes) -> Iterator[Hypothesis]:
         yield Hypothesis("inverted", name, lambda poses: invert(poses @ turn.T) @ turn)
 
 
+def _of_body(body_from_camera: NDArray[np.float64]) -> Iterator[Hypothesis]:
+    """Mistakes of the poses of a body that the camera is mounted on, and of the mounting."""
+    back = invert(body_from_camera)
+    yield Hypothesis(
+        "mounting",
+        "the pose of the camera on the body (T_BS, T_cam_imu) is inverted",
+        lambda poses: poses @ back @ back,
+    )
+    name = "poses of the body are inverted: they are body_from_world, not world_from_body"
+    yield Hypothesis("inverted", name, lambda poses: invert(poses @ back) @ body_from_camera)
+    for text, source in _ORDERS:
+        name = f"the numbers of quaternions are in another order: {text}"
+        yield Hypothesis("quaternion_order", name, partial(_reordered_on_body, body_from_camera, source))
+
+
+def _reordered_on_body(body_from_camera: NDArray[np.float64], source: tuple[int, ...], poses: Poses) -> Poses:
+    return _reordered(poses @ invert(body_from_camera), source, np.eye(3)) @ body_from_camera
+
+
 def _axes(expected: Axes) -> tuple[list[Hypothesis], list[Hypothesis]]:
     """Other axes of the camera than those that the reader expects of poses: the known ones, and all others."""
     all_axes = [_signed(matrix) for matrix in axis_rotations()]
@@ -294,11 +325,12 @@ def _signed(matrix: NDArray[np.float64]) -> Axes:
     return x, y, z
 
 
+_ORDERS = (("w x y z were read as x y z w", (1, 2, 3, 0)), ("x y z w were read as w x y z", (3, 0, 1, 2)))
+
+
 def _quaternion_orders() -> list[Hypothesis]:
     """Both wrong orders: first as read, then for readers that rename the axes of what they read."""
-    reverse = "w x y z were read as x y z w", (1, 2, 3, 0)
-    forward = "x y z w were read as w x y z", (3, 0, 1, 2)
-    return [_of_order(*order, axes) for axes in axis_rotations() for order in (reverse, forward)]
+    return [_of_order(*order, axes) for axes in axis_rotations() for order in _ORDERS]
 
 
 def _of_order(text: str, source: tuple[int, ...], axes: NDArray[np.float64]) -> Hypothesis:
@@ -617,6 +649,8 @@ class Evidence:
         What depths that are along z by construction were computed from; None where their kind is only stated.
     expected
         Axes of the camera that the reader expects in recorded poses.
+    body_from_camera
+        (4, 4) float64: the mounting of the camera that the recording states; None where it states none.
     """
 
     flow: Flow
@@ -626,6 +660,7 @@ class Evidence:
     pairs: tuple[Pair, ...]
     z_depth_from: str | None = None
     expected: Axes = IMAGE_AXES
+    body_from_camera: NDArray[np.float64] | None = None
 
     @classmethod
     def of(
@@ -635,6 +670,7 @@ class Evidence:
         camera: CameraModel,
         z_depth_from: str | None = None,
         expected: Axes = IMAGE_AXES,
+        body_from_camera: NDArray[np.float64] | None = None,
     ) -> "Evidence":
         """Choose the pairs that can be compared with poses."""
         has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
@@ -647,7 +683,15 @@ class Evidence:
         with_depth = [pair for pair in moving if pair.has_depth]
         has_depth = bool(with_depth) and 2 * len(with_depth) >= len(moving)
         pairs = tuple(with_depth if has_depth else moving)
-        return cls(flow, poses, camera, has_depth, pairs, z_depth_from if has_depth else None, expected)
+        known_from = z_depth_from if has_depth else None
+        return cls(flow, poses, camera, has_depth, pairs, known_from, expected, body_from_camera)
+
+    @classmethod
+    def stated(cls, flow: Flow, poses: NDArray[np.float64], sequence: Sequence) -> "Evidence":
+        """With what a sequence states of its camera, depths and poses."""
+        body = body_of(sequence)
+        mounting = None if body is None else body.from_camera
+        return cls.of(flow, poses, sequence.camera, z_depth_from(sequence), recorded_axes(sequence), mounting)
 
     def with_poses(self, poses: NDArray[np.float64]) -> "Evidence":
         """The same with other poses: (n, 4, 4), NaN for frames whose pairs are left out."""
@@ -656,7 +700,7 @@ class Evidence:
             tuple(pair for pair in pairs if has_pose[pair.first] and has_pose[pair.second])
             for pairs in (self.flow.steps, self.flow.wide)
         )
-        return Evidence.of(Flow(*parts), poses, self.camera, self.z_depth_from, self.expected)
+        return Evidence.of(Flow(*parts), poses, self.camera, self.z_depth_from, self.expected, self.body_from_camera)
 
     @property
     def stands_still(self) -> bool:
@@ -675,9 +719,7 @@ class Evidence:
         """
         flow = measure_flow(sequence, windows(len(sequence)))
         seen = seen_by_one_camera(flow, sequence)
-        return cls.of(
-            seen, sequence.world_from_camera, sequence.camera, z_depth_from(sequence), recorded_axes(sequence)
-        )
+        return cls.stated(seen, sequence.world_from_camera, sequence)
 
 
 def thinned(pairs: ListOf[Pair]) -> list[Pair]:

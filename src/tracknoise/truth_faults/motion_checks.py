@@ -123,7 +123,12 @@ def mistakes(evidence: Evidence) -> Item:
         text = f"Mistakes in poses cannot be looked for: {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
     is_z = evidence.z_depth_from is not None
-    candidates = hypotheses(has_depth=evidence.has_depth, is_z=is_z, expected=evidence.expected)
+    candidates = hypotheses(
+        has_depth=evidence.has_depth,
+        is_z=is_z,
+        expected=evidence.expected,
+        body_from_camera=evidence.body_from_camera,
+    )
     n_usual = len(candidates)
     pairs = thinned(evidence.pairs)
     motion_px = np.array([pair.motion_px for pair in pairs])

@@ -201,7 +201,10 @@ def chosen_conditions(
 
 
 def _without_sums(folder: RunFolder) -> StoreError:
+    kinds = {entry.truth for entry in folder.manifest().sequences.values()}
     expected = "a run of this version whose truth is known for each first position (neither scan nor triangulated)"
+    if not kinds <= {"scan", "triangulated"}:
+        expected = f"{expected}, and in successive frames: poses or depths of too many may be missing"
     return StoreError(f"{folder.path}: holds no sums for noise models, expected {expected}")
 
 

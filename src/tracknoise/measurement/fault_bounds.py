@@ -94,7 +94,7 @@ _MOST_SIZES = 10.0
 
 def rms(moved: NDArray[np.floating]) -> float:
     """RMS of both coordinates (n, 2) together, px: as the floor has it."""
-    length = np.linalg.norm(moved, axis=1)
+    length = np.hypot(*moved.T)  # squares of points next to the camera may overflow
     length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * size(moved))
     return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
 

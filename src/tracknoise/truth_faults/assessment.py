@@ -487,6 +487,9 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
         further = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{further}", _correct_data(evidence))
     if evidence.is_fitted:
+        if evidence.is_check and evidence.measures_depths:
+            opening = f"{evidence.of_images} {_WITHOUT_DEPTHS}".lstrip()
+            return _Found(Trust.unknown, f"{opening}{_caution(evidence)}", _MEASURED_STEP)
         opening = f"{evidence.of_images} {_FITTED}".lstrip()
         compared = "" if evidence.is_check else " `tracknoise check` says how well poses fit the images."
         return _Found(Trust.unknown, f"{opening}{_caution(evidence)}", f"{_FITTED_STEP}{compared}")
@@ -663,6 +666,8 @@ _CONFIRM = (
     "`tracknoise check RUN` says whether they agree"
 )
 _FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."
+_WITHOUT_DEPTHS = "A check has no depths where there are no maps."
+_MEASURED_STEP = "Measure it: `tracknoise run` computes depths from the images, and says how far they can be trusted."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."

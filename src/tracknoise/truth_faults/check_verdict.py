@@ -11,7 +11,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.geometry.projection import FrameGeometry
-from tracknoise.sequences.sequence import Sequence, TruthKind
+from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind
 from tracknoise.sequences.views import frame_step
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.manifest import PoseFit
@@ -69,6 +69,7 @@ def sequence_trust(
         cautions=cautions,
         depth_edges=max((float(item.values.get("edges") or 0.0) for item in items), default=0.0),
         is_fitted=is_fitted,
+        measures_depths=SWEPT in sequence.truths,
         of_images=" ".join(item.text for item in items if is_fitted and item.topic == "warping"),
         pose_fits=[fit],
         is_check=True,

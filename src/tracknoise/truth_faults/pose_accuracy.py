@@ -168,7 +168,7 @@ def _rigid_share_rows(sums: pl.DataFrame, draws: Draws, method: Method) -> pl.Da
     total = units.sums.sum(axis=0).T
     n = np.tile(total[0], len(_COORDINATES))
     moments = {
-        name: pl.Series(_by_coordinate(total[places]).ravel() / n)
+        name: pl.Series(_by_coordinate(total[places]).ravel() / np.where(n > 0, n, np.nan))
         for name, places in (("second_px2", slice(1, 3)), ("left_px2", slice(3, 5)))
     }
     rows = estimated(labels, estimates, units, RIGID_SHARE, value="share").with_columns(pl.Series("n", n), **moments)

@@ -49,4 +49,4 @@ def test_points_are_called_fitted_only_where_there_is_no_depth(noisy) -> None:
     assert "fitted" not in noisy.truth.text
     assert "stereo depth maps" not in noisy.truth.step
     without = check_sequence(recording(None))
-    assert "True positions are fitted to the tracks" in without.truth.text
+    assert "A check has no depths where there are no maps." in without.truth.text

@@ -66,6 +66,21 @@ def test_images_with_intrinsics_and_a_trajectory_are_measured(tracknoise, files,
     assert tracknoise(*run, "--trackers", "lucas-kanade")[0] == 0
 
 
+def test_a_run_says_why_there_is_nothing_to_set(tracknoise, files, walk):
+    every_other = np.c_[
+        np.arange(0, FRAMES, 2),
+        walk.world_from_camera[::2, :3, 3],
+        Rotation.from_matrix(walk.world_from_camera[::2, :3, :3]).as_quat(),
+    ]
+    np.savetxt(files / "numbers.txt", every_other, fmt="%.9f")
+    arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "numbers.txt")]
+    assert tracknoise("init", *arguments, "-o", str(files / "x.toml"))[0] == 0
+    run = ["run", str(files / "x.toml"), "--out", str(files / "run"), "--workers", "1", "--quiet", "--no-report"]
+    code, out, _ = tracknoise(*run, "--trackers", "lucas-kanade")
+    assert code == 0
+    assert "true positions are known in too few successive frames" in " ".join(out.split())
+
+
 @pytest.mark.parametrize("bits", [10, 12, 14, 16])
 def test_images_of_16_bits_have_the_levels_of_their_sensor(tracknoise, files, walk, bits):
     for index in range(FRAMES):

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 
 from tracknoise.cli.terminal import wrapped
+from tracknoise.estimators.run_models import run_models
 from tracknoise.report.answer import accuracy, summarise
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
@@ -15,6 +16,8 @@ from tracknoise.topics.size_topic import size_measure
 from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
 from tracknoise.topics.window_topic import sigma_sentence, windows_of_advice
 
+_WITHOUT_MODELS = {"scan", "triangulated"}
+"""Kinds of truth that no noise model is fitted by."""
 _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 
@@ -84,7 +87,16 @@ def _of_tracker(data: ReportData, tracker: str, *, with_windows: bool) -> str:
     measure = size_measure(subject)
     if measure is None:
         return f"{tracker}: what to set is unknown, because too few errors were measured."
-    return subject.said(measure.sentence)
+    return f"{subject.said(measure.sentence)}{_why_unknown(data, tracker)}"
+
+
+def _why_unknown(data: ReportData, tracker: str) -> str:
+    """Why there is no number to set where the kind of truth allows one, after a space; empty where it does not."""
+    models = run_models(data.run)
+    if tracker in models.models or {entry.truth for entry in data.manifest.sequences.values()} <= _WITHOUT_MODELS:
+        return ""
+    reason = models.missing.get(tracker, "true positions are known in too few successive frames")
+    return f" What to set is unknown: {reason.removeprefix('noise model: ')}."
 
 
 def _better(data: ReportData) -> str:

@@ -7,14 +7,13 @@ import pytest
 
 from tracknoise.estimators.linear_window import (
     CAMERA,
+    LinearEstimate,
     LinearTracks,
     Motion,
     Outcome,
     TrackGates,
     consistent_sigma,
     determines_poses,
-    influences,
-    influences_in_common,
     linear_tracks,
     outcome,
     scalar_variances,
@@ -227,7 +226,7 @@ def test_influences_are_known_of_windows_whose_poses_are_hardly_determined():
     poses[:, :3, 3] *= 0.01
     window = [linear_tracks(CAMERA, poses, tracks) for tracks in simulated_tracks(poses, n_tracks=4, seed=11)]
     assert determines_poses(window)
-    found = influences(window, scalar_variances(window, 1.0, first=10.0))
+    found = LinearEstimate.of(window, scalar_variances(window, 1.0, first=10.0)).influences()
     assert all(np.isfinite(found[purpose]).all() for purpose in Purpose)
 
 
@@ -241,7 +240,7 @@ def test_errors_in_common_add_what_is_said_for_each_feature(kind: str) -> None:
         [linear_tracks(CAMERA, poses, own) for own in simulated_tracks(poses, n_tracks=n, lengths=lengths)]
         for n in (80, 160)
     )
-    added = influences_in_common(few, scalar_variances(few, 1.0), noise)
+    added = LinearEstimate.of(few, scalar_variances(few, 1.0)).influences_in_common(noise)
     steps = np.random.default_rng(1).standard_normal((2000, 11, 2))
     errors = []
     for tracks in many:

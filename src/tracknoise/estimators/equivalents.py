@@ -261,7 +261,7 @@ class MeanSquares:
     in_common: TrackNoise | None  # errors in common of variance 1, where they are asked for
     places: Sequence[Sequence[int]]  # of each scene the places of its windows
     level: float
-    _known: dict[tuple[int, float, float | None, bool], "_Influences"] = field(
+    _known: dict[tuple[int, float, float | None, bool], _Influences] = field(
         default_factory=dict, init=False, repr=False
     )
 
@@ -274,7 +274,7 @@ class MeanSquares:
         unit = _in_common(fitted.noise, speed) if in_common else None
         return cls(windows.each, units, noise, unit, places, fitted.level)
 
-    def _of_window(self, place: int, sigma: float, first: float | None, *, born_only: bool) -> "_Influences":
+    def _of_window(self, place: int, sigma: float, first: float | None, *, born_only: bool) -> _Influences:
         """Those of one window; computed once."""
         is_state = born_only and first is not None
         key = place, sigma, first, is_state

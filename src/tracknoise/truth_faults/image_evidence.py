@@ -196,10 +196,9 @@ def hypotheses(
     """
     orders = _quaternion_orders()
     known_axes, other_axes = _axes(expected)
-    is_mounted = body_from_camera is not None and not np.allclose(body_from_camera, np.eye(4))
     return [
         *_inversions(expected),
-        *(_of_body(body_from_camera) if body_from_camera is not None and is_mounted else ()),
+        *_of_body(body_from_camera),
         *known_axes,
         *orders[:2],
         *([AS_TURNING, *_scales()] if has_depth else []),
@@ -260,8 +259,10 @@ def _inversions(expected: Axes) -> Iterator[Hypothesis]:
         yield Hypothesis("inverted", name, lambda poses: invert(poses @ turn.T) @ turn)
 
 
-def _of_body(body_from_camera: NDArray[np.float64]) -> Iterator[Hypothesis]:
-    """Mistakes of the poses of a body that the camera is mounted on, and of the mounting."""
+def _of_body(body_from_camera: NDArray[np.float64] | None) -> Iterator[Hypothesis]:
+    """Mistakes of the poses of a body that the camera is mounted on, and of the mounting; none where it is the body."""
+    if body_from_camera is None or np.allclose(body_from_camera, np.eye(4)):
+        return
     back = invert(body_from_camera)
     yield Hypothesis(
         "mounting",

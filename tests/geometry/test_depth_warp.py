@@ -54,7 +54,7 @@ def test_planes_stay_exact_at_and_between_pixels(normal, target_from_camera):
     expected = plane_depth(COLOUR, *moved_plane(normal, 1.2, target_from_camera), inner)
     np.testing.assert_allclose(seen.depth_m[seen.valid], expected, rtol=1e-9)
     between = np.random.default_rng(1).uniform((40.0, 30.0), (120.0, 90.0), (500, 2))
-    read = interpolate(seen, between, spread=0.2)
+    read = interpolate(seen, between, COLOUR, spread=0.2)
     assert read.valid.mean() > 0.95
     np.testing.assert_allclose(
         read.depth_m[read.valid],

@@ -142,7 +142,7 @@ def test_depth_noise_has_the_stated_size_even_between_pixels() -> None:
     for index in (0, 11):
         z = 2.0 + index
         size = np.hypot(0.003, 0.001 * z * z)
-        read = [sample(with_faults(plain, wrong.faults, seed=seed).depth(index), uv) for seed in range(9)]
+        read = [sample(with_faults(plain, wrong.faults, seed=seed).depth(index), uv, plain.camera) for seed in range(9)]
         assert np.mean([found.valid for found in read]) > 0.97
         errors = np.concatenate([found.depth_m[found.valid] - z for found in read])
         assert errors.std() == pytest.approx(size, rel=0.08)

@@ -106,7 +106,7 @@ def test_depth_is_that_of_cast_points(sequence: SimulatedSequence) -> None:
 
 def test_interpolated_depth_gives_the_truth_that_ray_casting_gives(sequence: SimulatedSequence) -> None:
     uv = places(sequence)
-    sample = interpolate(sequence.depth(0), uv)
+    sample = interpolate(sequence.depth(0), uv, sequence.camera)
     assert sample.valid.mean() > 0.5
     by_depth = transform(sequence.world_from_camera[0], sequence.camera.unproject(uv, sample.depth_m))
     by_ray, _ = sequence.cast(0, uv)

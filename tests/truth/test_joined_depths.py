@@ -36,7 +36,7 @@ def test_errors_are_those_of_noise_that_is_planted():
         for one in depths_of(POSES)
     ]
     geometry = SequenceGeometry(recorded(POSES, images_of(POSES[:1]) * len(POSES), depths))
-    found_m, sigma_m = JoinedDepths(geometry).of(3, UV, sample(depths[3], UV).depth_m)
+    found_m, sigma_m = JoinedDepths(geometry).of(3, UV, sample(depths[3], UV, CAMERA).depth_m)
     exact_m = (3.0 - POSES[3, 2, 3]) / (CAMERA.bearings(UV) @ POSES[3, 2, :3])
     assert np.sqrt(np.mean((found_m - exact_m) ** 2)) == pytest.approx(np.sqrt(np.mean(sigma_m**2)), rel=0.4)
 

@@ -108,7 +108,7 @@ def test_depth_agrees_between_frames(sample, reader, name, gap, median, high):
         points, status = truth.anchor(index, uv)
         points = points[status == TruthStatus.valid]
         points = points[truth.locate(index + gap, points)[1] == TruthStatus.valid]
-        measured = interpolate(sequence.depth(index + gap), truth.project(index + gap, points))
+        measured = interpolate(sequence.depth(index + gap), truth.project(index + gap, points), camera)
         moved = transform(invert(sequence.world_from_camera[index + gap]), points)[:, 2]
         relative.append(np.abs(moved / measured.depth_m - 1.0)[measured.valid])
     assert np.median(np.concatenate(relative)) <= median

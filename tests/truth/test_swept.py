@@ -81,7 +81,7 @@ def test_depths_are_those_of_the_surface_and_so_are_their_errors(exact):
     depth_m = geometry.to_camera(7, uv, points)[:, 2]
     known = np.isfinite(found.inverse_depth) & hit
     error = found.inverse_depth * depth_m - 1.0
-    by_map = sample(exact.depth(7), uv)
+    by_map = sample(exact.depth(7), uv, exact.camera)
     assert np.mean(known) > 0.9 * np.mean(by_map.valid & ~by_map.edge)
     assert abs(np.median(error[known])) < 0.004
     assert np.median(np.abs(error[known])) < 0.02

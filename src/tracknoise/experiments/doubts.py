@@ -82,7 +82,7 @@ def depth_edges(measurement: "Measurement") -> float:
     """Share of the pixels with depth at which depths of neighbours differ; 0 where features have no depth of a map."""
     if measurement.truth != TruthKind.birth:
         return 0.0
-    return edge_share(sampled_depths(measurement.sequence, measurement.n_frames))
+    return edge_share(measurement.sequence, sampled_depths(measurement.sequence, measurement.n_frames))
 
 
 def _of_poses(sequence: Sequence) -> list[Item]:

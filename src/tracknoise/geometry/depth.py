@@ -18,6 +18,9 @@ LEAST_DEPTH_M = 1e-6
 """Smaller numbers are no depth of a scene; the inverse of some overflows."""
 EDGE_RELATIVE_SPREAD = 0.02
 SPARSE_RELATIVE_SPREAD = 0.1
+_LENS_EVERY_PX, _LENS_LEAST = 8, 0.25
+"""Pixels at which it is seen whether a lens changes depths along z from pixel to pixel, and the part of an edge's
+spread from which on that counts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +66,7 @@ class DepthSample:
     edge: NDArray[np.bool_]  # (n,) bool: depth was measured around, but on both sides of a discontinuity
 
 
-def sample(depth: DepthMap, uv: NDArray[np.float64]) -> DepthSample:
+def sample(depth: DepthMap, uv: NDArray[np.float64], camera: CameraModel) -> DepthSample:
     """Read a map at sub-pixel positions: with `interpolate` if it is dense, with `nearest` if it is sparse.
 
     Parameters
@@ -72,30 +75,68 @@ def sample(depth: DepthMap, uv: NDArray[np.float64]) -> DepthSample:
         The map.
     uv
         (n, 2) float64, px.
+    camera
+        Of the image.
     """
-    return interpolate(depth, uv) if depth.radius_px is None else nearest(depth, uv, depth.radius_px)
+    return interpolate(depth, uv, camera) if depth.radius_px is None else nearest(depth, uv, depth.radius_px)
 
 
-def interpolate(depth: DepthMap, uv: NDArray[np.float64], *, spread: float = EDGE_RELATIVE_SPREAD) -> DepthSample:
+def interpolate(
+    depth: DepthMap, uv: NDArray[np.float64], camera: CameraModel, *, spread: float = EDGE_RELATIVE_SPREAD
+) -> DepthSample:
     """Read dense depth at sub-pixel positions from the four neighbouring pixels.
 
     Inverse depth is interpolated bilinearly: on a plane inverse depth is linear in the image, so that the result
     is exact there. Where the farthest of the four neighbours exceeds the nearest by more than `spread`, relative
     to the nearest, the position lies on an edge and has no depth. All four count, even those of weight 0 at a pixel's
     centre, which are the pixels to the right and below: corners often lie on outlines, and a feature on an outline may
-    belong to either side of it. Shapes: uv (n, 2) px.
+    belong to either side of it. Far from the axis of a fisheye lens depth along z changes that much from pixel to pixel
+    of a smooth surface; there it is an edge only if distances along the rays differ by as much too. Shapes: uv (n, 2)
+    px of the map, whose corners are those of the image.
     """
     corners, inside = _neighbours(depth, uv)
     complete = inside & corners.valid.all(axis=0)
     z = np.where(corners.valid, corners.depth_m, 1.0)
-    nearest, farthest = z.min(axis=0), z.max(axis=0)
-    agree = farthest - nearest <= spread * nearest
+    agree = _agree(z, spread)
+    per_range = _depth_per_range(camera, *depth.depth_m.shape)
+    if per_range is not None:
+        agree |= _agree(z / per_range[corners.rows, corners.columns], spread)
     inverse = (corners.weight / z).sum(axis=0)
     usable = complete & agree
     return DepthSample(np.where(usable, 1.0 / inverse, 1.0), usable, complete & ~agree)
 
 
-def enlarged(depth: DepthMap, width: int, height: int) -> DepthMap:
+def _agree(lengths: NDArray[np.float64], spread: float) -> NDArray[np.bool_]:
+    """(n,): whether the largest of lengths (k, n) exceeds the smallest by at most `spread`, relative to that."""
+    nearest = lengths.min(axis=0)
+    return np.asarray(lengths.max(axis=0) - nearest <= spread * nearest)
+
+
+@lru_cache(maxsize=2)
+def _depth_per_range(camera: CameraModel, height: int, width: int) -> NDArray[np.float64] | None:
+    """(height, width): depth along z over the distance along the ray, at the pixels of a map of the whole image.
+
+    1 where a pixel has no ray. None where it changes from pixel to pixel by too little to make an edge.
+    """
+    size, image = np.array([width, height]), np.array([camera.width, camera.height])
+
+    def at(columns: NDArray[np.float64], rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        pixels = np.stack([columns, rows], axis=-1).reshape(-1, 2)
+        rays = camera.bearings((pixels + 0.5) * image / size - 0.5)
+        return np.asarray(rays[:, 2] / np.linalg.norm(rays, axis=1)).reshape(columns.shape)
+
+    rows, columns = np.meshgrid(
+        np.arange(0.0, height - 1, _LENS_EVERY_PX), np.arange(0.0, width - 1, _LENS_EVERY_PX), indexing="ij"
+    )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        change = np.abs(np.log(at(columns + 1.0, rows + 1.0) / at(columns, rows)))
+        if not np.nanmax(change, initial=0.0) > _LENS_LEAST * EDGE_RELATIVE_SPREAD:
+            return None
+        per_range = at(*reversed(np.indices((height, width), dtype=np.float64)))
+    return np.where(per_range > 0.0, per_range, 1.0)
+
+
+def enlarged(depth: DepthMap, camera: CameraModel) -> DepthMap:
     """A dense map of a smaller image that shows the same, at the pixels of a larger one: see `interpolate`.
 
     Pixels on edges have no depth, nor have those beyond the centres of the outermost pixels of the smaller image.
@@ -104,12 +145,13 @@ def enlarged(depth: DepthMap, width: int, height: int) -> DepthMap:
     ----------
     depth
         The map.
-    width, height
-        Size of the larger image, px; the corners of both images are the same.
+    camera
+        Of the larger image; the corners of both images are the same.
     """
     rows, columns = depth.depth_m.shape
+    width, height = camera.width, camera.height
     u, v = ((np.arange(side) + 0.5) * count / side - 0.5 for side, count in ((width, columns), (height, rows)))
-    read = interpolate(depth, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+    read = interpolate(depth, np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2), camera)
     return DepthMap(read.depth_m.reshape(height, width), read.valid.reshape(height, width), accuracy=depth.accuracy)
 
 
@@ -204,6 +246,8 @@ class _Corners:
     depth_m: NDArray[np.float64]  # (4, n)
     valid: NDArray[np.bool_]  # (4, n)
     weight: NDArray[np.float64]  # (4, n)
+    rows: NDArray[np.intp]  # (4, n)
+    columns: NDArray[np.intp]  # (4, n)
 
 
 def _neighbours(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[_Corners, NDArray[np.bool_]]:
@@ -218,7 +262,8 @@ def _neighbours(depth: DepthMap, uv: NDArray[np.float64]) -> tuple[_Corners, NDA
     fu, fv = u - left, v - top
     rows, columns = np.stack([top, top, bottom, bottom]), np.stack([left, right, left, right])
     weight = np.stack([(1 - fu) * (1 - fv), fu * (1 - fv), (1 - fu) * fv, fu * fv])
-    return _Corners(depth.depth_m[rows, columns].astype(np.float64), depth.valid[rows, columns], weight), inside
+    depth_m, valid = depth.depth_m[rows, columns].astype(np.float64), depth.valid[rows, columns]
+    return _Corners(depth_m, valid, weight, rows, columns), inside
 
 
 _TOUCH = 1e-9

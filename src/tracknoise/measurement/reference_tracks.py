@@ -208,7 +208,7 @@ def _depths(
         depth = geometry.depth(index)
         if depth is None:
             continue
-        read = sample(depth, uv[rows])
+        read = sample(depth, uv[rows], geometry.camera_at(index))
         usable = rows[read.valid & ~read.edge]
         depth_m[usable] = read.depth_m[read.valid & ~read.edge]
         sigma[usable] = np.maximum(depth.accuracy.sigma_m(depth_m[usable]) / depth_m[usable], _DEPTH_RELATIVE)

@@ -142,7 +142,7 @@ def enlarged_map(path: Path, depth_m: NDArray[np.floating], camera: CameraModel)
     if width >= camera.width or width * camera.height != height * camera.width:
         return depth_map(path, depth_m, camera)
     small = DepthMap(depth_m, np.isfinite(depth_m) & (depth_m >= LEAST_DEPTH_M))
-    return enlarged(small, camera.width, camera.height)
+    return enlarged(small, camera)
 
 
 def _metres(path: Path, metres_per_unit: float) -> NDArray[np.float64]:

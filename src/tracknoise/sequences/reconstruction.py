@@ -29,7 +29,7 @@ from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert, position_rows
 from tracknoise.sequences.colmap import CORNER_PX
 from tracknoise.sequences.poses import no_poses
-from tracknoise.sequences.sequence import Sequence, clock_start_of, times_of
+from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
 from tracknoise.sequences.writing import only_camera
 from tracknoise.text import counted
 from tracknoise.words import pixels
@@ -188,7 +188,7 @@ def _unit_m(sequence: Sequence, model: Any, frames: dict[int, Any]) -> float | N
         seen = [point for point in image.points2D if point.has_point3D()]
         if depth is None or not seen:
             continue
-        measured = sample(depth, np.array([point.xy for point in seen]) - CORNER_PX)
+        measured = sample(depth, np.array([point.xy for point in seen]) - CORNER_PX, camera_at(sequence, index))
         points = np.array([model.point3D(point.point3D_id).xyz for point in seen])
         reconstructed = (points @ image.cam_from_world().matrix()[:, :3].T + image.cam_from_world().matrix()[:, 3])[
             :, 2

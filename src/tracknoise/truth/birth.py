@@ -66,7 +66,7 @@ class BirthDepths:
         depth = self._geometry.depth(index)
         if depth is None:
             return np.ones(len(uv)), np.full(len(uv), TruthStatus.no_depth, np.int8)
-        read = sample(depth, uv)
+        read = sample(depth, uv, self._geometry.camera_at(index))
         status = np.full(len(uv), TruthStatus.no_depth, np.int8)
         status[read.edge] = TruthStatus.edge
         status[read.valid] = TruthStatus.valid
@@ -75,8 +75,9 @@ class BirthDepths:
     def sigma_m(self, index: int, uv: NDArray[np.float64]) -> NDArray[np.float64]:
         """(n,) float64, metres: standard deviations of joined depths of pixels (n, 2); NaN where unknown."""
         depth = self._geometry.depth(index)
-        unknown = np.full(len(uv), np.nan)
-        return unknown if depth is None else self._joined_with_errors(index, uv, sample(depth, uv))[1]
+        if depth is None:
+            return np.full(len(uv), np.nan)
+        return self._joined_with_errors(index, uv, sample(depth, uv, self._geometry.camera_at(index)))[1]
 
     def _joined_with_errors(
         self, index: int, uv: NDArray[np.float64], read: DepthSample

@@ -79,7 +79,7 @@ class JoinedDepths:
                 points = rays * (depth_m * np.exp(log))[:, None]
                 seen_uv, seen = geometry.seen(frame, geometry.to_world(index, uv, points))
                 usable = np.isfinite(seen_uv).all(axis=1) & (seen[:, 2] > 0.0)
-                read = sample(depth, np.where(usable[:, None], seen_uv, -1.0))
+                read = sample(depth, np.where(usable[:, None], seen_uv, -1.0), geometry.camera_at(frame))
                 step = np.log(read.depth_m / np.where(usable, seen[:, 2], 1.0))
                 log = np.where(usable & read.valid, log + np.clip(step, -_SAME_MOST, _SAME_MOST), np.nan)
             differences[row] = log

@@ -1,7 +1,6 @@
 """Topics about depth: its unit, its limits, and whether it is along the optical axis or the ray."""
 
-from collections.abc import Iterator
-from collections.abc import Sequence as ListOf
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +9,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD, DepthMap, interpolate
 from tracknoise.geometry.pose import transform
 from tracknoise.inference.jackknife import jackknife
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences.sequence import Sequence, camera_at
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity, Values
 from tracknoise.truth_faults.image_evidence import (
@@ -40,7 +39,7 @@ def depths(sequence: Sequence) -> Item:
             return Item("depth", Severity.ok, f"There are no depth maps; truth is possible by {sequence.truths[0]}.")
         return Item("depth", Severity.caveat, "There is no depth: truth by depth is not possible.")
     share = depth_share(maps)
-    values = np.concatenate([depth.depth_m[depth.valid] for depth in maps])
+    values = np.concatenate([depth.depth_m[depth.valid] for depth in maps.values()])
     if not len(values):
         return Item("depth", Severity.fatal, "No pixel has a valid depth.", {"share": 0.0})
     low, median, high = (float(value) for value in np.percentile(values, [5, 50, 95]))
@@ -52,10 +51,10 @@ def depths(sequence: Sequence) -> Item:
     )
     if not NEAREST_M <= median <= FARTHEST_M:
         return Item("depth", Severity.fatal, f"{text} The unit is probably not metres.", numbers)
-    is_dense = maps[0].radius_px is None
+    is_dense = next(iter(maps.values())).radius_px is None
     if is_dense and share < _DEPTH_UNIT_LEAST_SHARE:
         return Item("depth", Severity.caveat, f"{text} Few features will have a truth.", numbers)
-    edges = edge_share(maps)
+    edges = edge_share(sequence, maps)
     if edges > MOST_EDGES:
         text = (
             f"{text} At {edges:.0%} of them depths of neighbours differ by more than {EDGE_RELATIVE_SPREAD:.0%}: "
@@ -65,28 +64,29 @@ def depths(sequence: Sequence) -> Item:
     return Item("depth", Severity.ok, text, numbers)
 
 
-def edge_share(maps: ListOf[DepthMap]) -> float:
-    """Share of pixels with depth in dense maps that lie on an edge; 0 of sparse maps, and without maps."""
-    if any(depth.radius_px is not None for depth in maps):
+def edge_share(sequence: Sequence, maps: Mapping[int, DepthMap]) -> float:
+    """Share of pixels with depth in dense maps of frames that lie on an edge; 0 of sparse maps, and without maps."""
+    if any(depth.radius_px is not None for depth in maps.values()):
         return 0.0
     sampled = []
-    for depth in maps:
+    for index, depth in maps.items():
         rows, columns = (np.arange(0, side, _EDGES_EVERY_PX) for side in depth.depth_m.shape)
-        sampled.append(interpolate(depth, np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)))
+        uv = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)
+        sampled.append(interpolate(depth, uv, camera_at(sequence, index)))
     edge, valid = (sum(int(getattr(of_map, name).sum()) for of_map in sampled) for name in ("edge", "valid"))
     return edge / max(edge + valid, 1)
 
 
-def sampled_depths(sequence: Sequence, n_frames: int | None = None) -> list[DepthMap]:
+def sampled_depths(sequence: Sequence, n_frames: int | None = None) -> dict[int, DepthMap]:
     """Depth maps of some of the first frames, by default of all, spread evenly; none where there is no depth."""
     last = (len(sequence) if n_frames is None else n_frames) - 1
     chosen = np.unique(np.linspace(0, last, _FRAMES).astype(int)).tolist()
-    return [depth for index in chosen if (depth := sequence.depth(index)) is not None]
+    return {index: depth for index in chosen if (depth := sequence.depth(index)) is not None}
 
 
-def depth_share(maps: ListOf[DepthMap]) -> float:
+def depth_share(maps: Mapping[int, DepthMap]) -> float:
     """Share of pixels with depth, over all maps."""
-    return float(np.mean([depth.valid.mean() for depth in maps]))
+    return float(np.mean([depth.valid.mean() for depth in maps.values()]))
 
 
 _FACTORS = (1.25, 1.6, 2.5, 1000.0)

@@ -76,7 +76,7 @@ def _differences(sequence: Sequence, index: int, later: int, uv: Array, depth_m:
     moved = transform(relative, first.unproject(uv, depth_m))
     seen = second.project(moved)
     inside = np.flatnonzero((moved[:, 2] > 0.0) & np.isfinite(seen).all(axis=1))
-    read = sample(depth, seen[inside])
+    read = sample(depth, seen[inside], second)
     with np.errstate(divide="ignore", invalid="ignore"):
         difference = np.log(moved[inside, 2] / read.depth_m)
     usable = read.valid & ~read.edge

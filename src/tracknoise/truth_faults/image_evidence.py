@@ -556,25 +556,25 @@ def measure_flow(sequence: Sequence, parts: ListOf[range]) -> Flow:
 def _followed(sequence: Sequence, part: range) -> Iterator[Pair]:
     """Pairs of one stretch of frames."""
     previous = sequence.image(part[0])
-    chains = [_begin(part[0], previous, sequence.depth(part[0]), wide=True)]
+    chains = [_begin(part[0], previous, camera_at(sequence, part[0]), sequence.depth(part[0]), wide=True)]
     for index in part[1:]:
-        image, depth = sequence.image(index), sequence.depth(index)
+        image, camera, depth = sequence.image(index), camera_at(sequence, index), sequence.depth(index)
         _follow(chains, previous, image)
         chains = [chain for chain in chains if len(chain.uv) >= FEWEST_POINTS]
         for chain in chains:
-            yield from _emitted(chain, index, depth, is_last=index == part[-1])
+            yield from _emitted(chain, index, camera, depth, is_last=index == part[-1])
         chains = [chain for chain in chains if chain.thresholds_px and index - chain.first < _CHAIN_STEPS]
-        chains.append(_begin(index, image, depth, wide=(index - part[0]) % _CHAIN_EVERY == 0))
+        chains.append(_begin(index, image, camera, depth, wide=(index - part[0]) % _CHAIN_EVERY == 0))
         previous = image
 
 
-def _begin(index: int, image: NDArray[np.uint8], depth: DepthMap | None, *, wide: bool) -> _Chain:
+def _begin(index: int, image: NDArray[np.uint8], camera: CameraModel, depth: DepthMap | None, *, wide: bool) -> _Chain:
     """Corners of one frame, with their depths."""
     margin = np.zeros_like(image)
     margin[_MARGIN_PX:-_MARGIN_PX, _MARGIN_PX:-_MARGIN_PX] = 255
     corners = cv2.goodFeaturesToTrack(image, _POINTS, _LEAST_QUALITY, _SPACING_PX, mask=margin)
     uv: NDArray[np.float64] = np.array([] if np.ndim(corners) == 0 else corners, dtype=np.float64).reshape(-1, 2)
-    return _Chain(index, uv, uv, _depths(depth, uv), (SHORT_PX, LONG_PX) if wide else ())
+    return _Chain(index, uv, uv, _depths(depth, uv, camera), (SHORT_PX, LONG_PX) if wide else ())
 
 
 def _follow(chains: ListOf[_Chain], previous: NDArray[np.uint8], image: NDArray[np.uint8]) -> None:
@@ -604,9 +604,11 @@ def _tracked(
     return np.asarray(moved, dtype=np.float32), status[:, 0] == 1
 
 
-def _emitted(chain: _Chain, index: int, depth: DepthMap | None, *, is_last: bool) -> Iterator[Pair]:
+def _emitted(
+    chain: _Chain, index: int, camera: CameraModel, depth: DepthMap | None, *, is_last: bool
+) -> Iterator[Pair]:
     """The pair of a chain's first frame and this one, where it is consecutive or has reached a baseline."""
-    pair = Pair(chain.first, index, chain.uv_first, chain.uv, chain.depth_m, _depths(depth, chain.uv))
+    pair = Pair(chain.first, index, chain.uv_first, chain.uv, chain.depth_m, _depths(depth, chain.uv, camera))
     if index == chain.first + 1:
         yield pair
     reached = [least for least in chain.thresholds_px if pair.motion_px >= least]
@@ -616,11 +618,11 @@ def _emitted(chain: _Chain, index: int, depth: DepthMap | None, *, is_last: bool
     chain.thresholds_px = tuple(least for least in chain.thresholds_px if least not in reached)
 
 
-def _depths(depth: DepthMap | None, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+def _depths(depth: DepthMap | None, uv: NDArray[np.float64], camera: CameraModel) -> NDArray[np.float64]:
     """(n,) float64: depth at points, NaN where unknown."""
     if depth is None or not len(uv):
         return np.full(len(uv), np.nan)
-    read = sample(depth, uv)
+    read = sample(depth, uv, camera)
     return np.where(read.valid, read.depth_m, np.nan)
 
 

@@ -235,7 +235,7 @@ def test_the_real_sample_s_depth_agrees_with_that_of_the_next_frame(sample):
         v, u = np.nonzero(sequence.depth(index).valid)
         points, status = truth.anchor(index, np.stack([u, v], axis=-1).astype(np.float64))
         points = points[status == TruthStatus.valid]
-        measured = read_depth(sequence.depth(index + 1), truth.project(index + 1, points))
+        measured = read_depth(sequence.depth(index + 1), truth.project(index + 1, points), sequence.camera)
         moved_m = transform(invert(sequence.world_from_camera[index + 1]), points)[:, 2]
         relative.append(np.abs(moved_m / measured.depth_m - 1.0)[measured.valid])
     assert np.median(np.concatenate(relative)) < 0.006

@@ -1,4 +1,4 @@
-"""Reasons to doubt the data of a sequence, from what was measured in it; no image is read again.
+"""Reasons to doubt the data of a sequence, from what was measured in it; images are read again for a second camera.
 
 What changes gradually, such as errors of poses, is not among them: how much of the errors it explains is measured
 (`tracknoise.truth_faults.assessment`).
@@ -27,6 +27,7 @@ from tracknoise.truth_faults.recording_checks import (
     timestamps,
     view_changes,
 )
+from tracknoise.truth_faults.rig_check import is_of_pair, second_camera
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -64,6 +65,7 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     items = [
         *_of_poses(measurement.sequence),
         *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0])),
+        *_of_second_camera(measurement),
     ]
     mistakes_and_cautions = _split(items)
     return Doubts(
@@ -120,6 +122,17 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
     named = mistakes(evidence)
     clipped = clipped_depth(evidence) if named.severity is not Severity.fatal else None
     return [named, *filter(None, [clipped])]
+
+
+def _of_second_camera(measurement: "Measurement") -> list[Item]:
+    """What is wrong with the second camera, where it tells depths.
+
+    Not its distance: depths of a sweep do not use a camera whose distance does not fit the poses.
+    """
+    if measurement.truth != SWEPT and not is_of_pair(measurement.sequence):
+        return []
+    item = second_camera(measurement.sequence)
+    return [item] if item is not None and item.severity is Severity.fatal else []
 
 
 def _depths_at_birth(measurement: "Measurement", observed: pl.DataFrame) -> dict[int, float]:

@@ -36,6 +36,7 @@ from tracknoise.truth_faults.recording_checks import (
     timestamps,
     view_changes,
 )
+from tracknoise.truth_faults.rig_check import second_camera
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,6 +120,7 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
                 evidence = evidence.with_poses(leading.world_from_camera)
                 of_images = _of_leading(of_images, list(_from_images(leading, evidence)))
             items += of_images
+            items += filter(None, [second_camera(leading)])
     except DataError as error:
         items.append(_unreadable(error))
     truth = AssessedTruth(sequence_trust(leading, evidence, items, fit))

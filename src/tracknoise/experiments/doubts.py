@@ -6,7 +6,7 @@ What changes gradually, such as errors of poses, is not among them: how much of 
 
 from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as Items
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind
+from tracknoise.tables.schema import of_second_camera
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
 from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
@@ -55,7 +56,8 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     """
     if not kinds:
         return _split(_of_poses(measurement.sequence))
-    of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC]
+    beside = of_second_camera(measurement.observations)
+    of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC and name not in beside]
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():
         return Doubts()
@@ -125,14 +127,18 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
 
 
 def _of_second_camera(measurement: "Measurement") -> list[Item]:
-    """What is wrong with the second camera, where it tells depths.
+    """What is wrong with the second camera, where it tells depths or trackers see it.
 
     Not its distance: depths of a sweep do not use a camera whose distance does not fit the poses.
     """
-    if measurement.truth != SWEPT and not is_of_pair(measurement.sequence):
+    is_seen = bool(of_second_camera(measurement.observations))
+    if not (is_seen or measurement.truth == SWEPT or is_of_pair(measurement.sequence)):
         return []
     item = second_camera(measurement.sequence)
-    return [item] if item is not None and item.severity is Severity.fatal else []
+    is_wrong = item is not None and item.severity in (
+        (Severity.fatal, Severity.caveat) if is_seen else (Severity.fatal,)
+    )
+    return [replace(item, severity=Severity.fatal)] if item is not None and is_wrong else []
 
 
 def _depths_at_birth(measurement: "Measurement", observed: pl.DataFrame) -> dict[int, float]:

@@ -20,7 +20,8 @@ from tracknoise.statistics.samples import audited_observations, births_with_dept
 from tracknoise.statistics.windows import noise_tracks, window_noise
 from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, DEPTH_REPEATS, PATH
 from tracknoise.tables.identity import Direction
-from tracknoise.tables.schema import POSES, SEQUENCE, Schema, check, empty
+from tracknoise.tables.schema import POSES, QUALITY_PREFIX, SEQUENCE, Schema, check, empty, of_second_camera
+from tracknoise.truth.beside import beside
 from tracknoise.truth_faults.depth_repeats import depth_repeats
 from tracknoise.truth_faults.pose_errors import rigid_tables
 
@@ -127,17 +128,35 @@ def geometry_tables(
 ) -> dict[str, pl.DataFrame]:
     """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name."""
     of_images = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
-    population, with_depth = experiment.truth.population, truth != TRIANGULATED
-    geometry, camera = frame_geometry(sequence, n_frames), sequence.camera
+    geometry, camera, beside_it = (
+        frame_geometry(sequence, n_frames),
+        sequence.camera,
+        of_second_camera(prepared.observations),
+    )
+    labels = [choice.label for choice in experiment.trackers]
+    first = prepared.of_trackers([label for label in labels if label not in beside_it]) if beside_it else prepared
+    tables = _of_errors(first, geometry, experiment.truth.population, truth)
+    if beside_it:
+        of_second = prepared.of_trackers(beside_it), frame_geometry(beside(sequence), n_frames)
+        more = _of_errors(*of_second, experiment.truth.population, truth)
+        tables = {name: _together(tables[name], more[name]) for name in tables}
     return {
         **camera_tables(sequence, n_frames),
-        "audit_samples": audit_samples(sequence, prepared, truth),
+        "audit_samples": audit_samples(sequence, first, truth),
         "image_map": image_map(prepared, width=camera.width, height=camera.height),
-        **rigid_tables(prepared, geometry, witnesses=of_images),
-        **window_noise(prepared, geometry, population=population, with_depth=with_depth),
-        **(_of_depth(prepared, geometry, population) if with_depth else {}),
-        **({"depth_repeats": depth_repeats_table(sequence, prepared)} if truth == TruthKind.birth else {}),
+        **rigid_tables(first, geometry, witnesses=of_images),
+        **tables,
+        **({"depth_repeats": depth_repeats_table(sequence, first)} if truth == TruthKind.birth else {}),
     }
+
+
+def _of_errors(
+    prepared: PreparedSequence, geometry: FrameGeometry, population: str, truth: str
+) -> dict[str, pl.DataFrame]:
+    """Tables of the noise of trackers of one camera."""
+    with_depth = truth != TRIANGULATED
+    tables = window_noise(prepared, geometry, population=population, with_depth=with_depth)
+    return {**tables, **(_of_depth(prepared, geometry, population) if with_depth else {})}
 
 
 def camera_tables(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
@@ -147,6 +166,13 @@ def camera_tables(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
         **_path(sequence, n_frames),
         "cameras": cameras_table(sequence, n_frames),
     }
+
+
+def _together(first: pl.DataFrame, second: pl.DataFrame) -> pl.DataFrame:
+    """Rows of both cameras; what trackers report of observations comes last, in alphabetical order."""
+    both = pl.concat([first, second], how="diagonal")
+    quality = sorted(name for name in both.columns if name.startswith(QUALITY_PREFIX))
+    return both.select(pl.exclude(quality), *quality)
 
 
 def _of_depth(prepared: PreparedSequence, geometry: FrameGeometry, population: str) -> dict[str, pl.DataFrame]:

@@ -8,7 +8,7 @@ import polars as pl
 from tracknoise.analysis.condition_units import groups_of_scenes
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.experiments.run_statistics import first_lighting
-from tracknoise.experiments.settings import SYNTHETIC, Experiment
+from tracknoise.experiments.settings import SECOND_CAMERA, SYNTHETIC, Experiment
 from tracknoise.experiments.wrong_tracks import largest, wrong_in_run
 from tracknoise.sequences.sequence import TRIANGULATED
 from tracknoise.tables.findings_schema import FLOOR, SUMMARY
@@ -64,7 +64,7 @@ def trust_table(manifest: Manifest, experiment: Experiment, inputs: RunInputs) -
     """
     entries = [manifest.sequences[key] for key in sorted(manifest.sequences)]
     every = {tracker.label for tracker in experiment.trackers}
-    seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC}
+    seen = every - {tracker.label for tracker in experiment.trackers if tracker.kind in SYNTHETIC | SECOND_CAMERA}
     shown = [pl.col(name) == getattr(inputs.reference, name) for name in (*VIEW, "speed")]
     rigid = [empty(RIGID), *(table.filter(*shown) for table in inputs.run.stored_tables("rigid"))]
     audit = AuditTables.of(inputs.named)

@@ -44,6 +44,8 @@ from tracknoise.truth.scan import ScanAnchoring
 _Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
 SYNTHETIC = frozenset({"oracle", "scripted"})
 """Kinds of trackers whose positions do not come from images, but from the stated truth, whatever is wrong in it."""
+SECOND_CAMERA = frozenset({"second-view"})
+"""Kinds of trackers whose positions are those in the images of a second camera."""
 FROM_FILES = frozenset({"imported"})
 """Kinds of trackers whose positions another program found."""
 Keep = Literal["observations", "statistics"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import polars as pl
 
-from tracknoise.experiments.settings import SYNTHETIC, Experiment, TrackerChoice
+from tracknoise.experiments.settings import SECOND_CAMERA, SYNTHETIC, Experiment, TrackerChoice
 from tracknoise.sequences.sequence import Sequence, times_of
 from tracknoise.text import counted
 from tracknoise.trackers.imported import Imported
@@ -35,7 +35,7 @@ def confirmed_share(measurement: "Measurement", experiment: Experiment) -> float
 
     None where it is not determined. Built-in trackers see the images themselves: with one of them it is not asked.
     """
-    seen = [choice for choice in experiment.trackers if choice.kind not in SYNTHETIC]
+    seen = [choice for choice in experiment.trackers if choice.kind not in SYNTHETIC | SECOND_CAMERA]
     if not all(is_foreign(choice.kind) for choice in seen):
         return None
     tracked = (_tracked(measurement, choice.label, None) for choice in seen)

@@ -33,6 +33,7 @@ class Recording:
     response: NDArray[np.float32]  # (m,): detector response at birth; NaN where unknown
     gradient_rad: NDArray[np.float32]  # (m,): orientation of the dominant gradient at birth; NaN where none dominates
     frames: NDArray[np.uint32]  # (k, 6): one row per frame: frame, offered, matched, outliers, new, alive
+    first_uv: NDArray[np.float64] | None = None  # (n, 2): see `Step.first_uv`
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +53,7 @@ class _Observed:
     track: NDArray[np.uint32]
     uv: NDArray[np.float64]
     quality: Quality
+    first_uv: NDArray[np.float64] | None
 
 
 class Recorder:
@@ -74,7 +76,7 @@ class Recorder:
         self._end(step.ended_ids, step.ended)
         self._begin(index, step, gradient_rad(step.uv[step.born]))
         tracks = self._live_tracks[self._slots(step.ids)].astype(np.uint32)
-        self._observed.append(_Observed(index, tracks, step.uv, step.quality))
+        self._observed.append(_Observed(index, tracks, step.uv, step.quality, step.first_uv))
         self._frames.append((index, step.offered, step.matched, step.outliers, step.new, step.alive))
         return tracks
 
@@ -84,6 +86,7 @@ class Recorder:
         for tracks, reasons in self._ends:
             end[tracks] = reasons
         observed, births = self._observed, self._births
+        first_uv = [step.first_uv for step in observed if step.first_uv is not None]
         track = _concatenated([step.track for step in observed], np.empty(0, np.uint32))
         return Recording(
             track=track,
@@ -96,6 +99,7 @@ class Recorder:
             response=_concatenated([born.response for born in births], np.empty(0, np.float32)),
             gradient_rad=_concatenated([born.gradient_rad for born in births], np.empty(0, np.float32)),
             frames=np.array(self._frames, np.uint32).reshape(-1, 6),
+            first_uv=_concatenated(first_uv, np.empty((0, 2))) if first_uv else None,
         )
 
     def _end(self, ids: NDArray[np.int64], reasons: NDArray[np.int8]) -> None:

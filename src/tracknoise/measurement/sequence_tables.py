@@ -9,21 +9,24 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, NothingToMeasureError, SettingsError
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.processes import release_memory
 from tracknoise.sequences.poses import has_pose, require_some_poses
+from tracknoise.sequences.second_camera import Beside
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence
 from tracknoise.tables import schema
 from tracknoise.tables.enumerations import EdgeSide
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TrackEnd, TruthStatus
 from tracknoise.text import counted
-from tracknoise.trackers.tracker import StatedPoints, reports_causes
+from tracknoise.trackers.tracker import StatedPoints, reports_causes, sees_second_camera
 from tracknoise.truth.accuracies import DEFAULT_RULE, AccuracyRule
 from tracknoise.truth.anchored import AnchoredTruth
+from tracknoise.truth.beside import beside
 from tracknoise.truth.scan import SCAN_RULE, ScanRule
 from tracknoise.truth.truth import TruePositions, Truth, notes_of
 from tracknoise.truth.truth_registry import make_truth, make_truths
@@ -39,13 +42,16 @@ def setup_tables(
     positions: TruePositions,
     floors: dict[str, pl.Series],
     second: TruePositions | None = None,
+    of_second: Beside | None = None,
 ) -> Tables:
     """Tables of one tracker setup on one sequence, with the columns of its `FLOORS` after those of the origin.
 
-    The true positions of a second truth are among the observations, if there is one.
+    The true positions of a second truth are among the observations, if there is one. `of_second`: the sequence as its
+    second camera sees it, for trackers of that.
     """
+    further = {**_second_truth(second), **_pair(recording, positions, of_second)}
     return (
-        _table({**_observations(recording, positions), **_second_truth(second)}, schema.OBSERVATIONS, sequence, setup),
+        _table({**_observations(recording, positions), **further}, schema.OBSERVATIONS, sequence, setup),
         _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
         _table(_frames(recording, reports_causes(setup.settings)), schema.FRAME_COUNTS, sequence, setup),
         _table(floors, schema.FLOORS, sequence, setup),
@@ -89,6 +95,22 @@ def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
     if second is None:
         return {}
     return {name: _nullable(column) for name, column in zip(schema.SECOND_TRUTH, second.uv.T, strict=True)}
+
+
+def _pair(recording: Recording, positions: TruePositions, view: Beside | None) -> dict[str, pl.Series]:
+    if recording.first_uv is None or positions.first_uv is None or view is None:
+        return {}
+    second = view.camera_beside
+    pair = StereoPair(view.sequence.camera, second.camera, second.first_from_second)
+    error = recording.first_uv - positions.first_uv
+    error[np.abs(error) < ROUNDING_PX] = 0.0
+    values = (
+        *error.T,
+        pair.epipolar_px(recording.first_uv, recording.uv),
+        pair.depth_m(recording.first_uv, recording.uv),
+        pair.depth_m(positions.first_uv, positions.uv),
+    )
+    return {name: _nullable(column) for name, column in zip(schema.PAIR, values, strict=True)}
 
 
 def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:
@@ -281,8 +303,10 @@ def measure_sequences(
     notes = [second_notes(*pair) for pair in zip(sequences, second, strict=True)] if second else [()] * len(sequences)
     for sequence, its_truth, result, more in zip(sequences, truths, results, notes, strict=True):
         _check_features(sequence, result, its_truth)
-        floor = TruthFloor.of(sequence, its_truth, accuracy)
-        tables = _sequence_tables(sequence, setups, floor, result, n_frames, its_truth.kind)
+        floors = [TruthFloor.of(sequence, its_truth, accuracy)]
+        if any(sees_second_camera(setup.settings) for setup in setups):
+            floors.append(TruthFloor.of(beside(sequence), its_truth, accuracy))
+        tables = _sequence_tables(sequence, setups, floors, result, n_frames, its_truth.kind)
         release_memory()
         yield replace(tables, notes=(*tables.notes, *notes_of(its_truth), *more))
 
@@ -290,18 +314,23 @@ def measure_sequences(
 def _sequence_tables(
     sequence: Sequence,
     setups: Items[TrackerSetup],
-    floor: TruthFloor,
+    floors: Items[TruthFloor],
     result: TrackingResult,
     n_frames: int,
     truth: str,
 ) -> SequenceTables:
-    """Tables of one sequence. What was tracked is taken out of `result`, so that it is not held twice."""
-    parts = []
+    """Tables of one sequence. What was tracked is taken out of `result`, so that it is not held twice.
+
+    `floors`: of the first camera, and of the second where trackers see that.
+    """
+    parts, floor = [], floors[0]
     for setup in setups:  # whose arrays are released as soon as their tables are made
         recording, positions = result.recordings.pop(0), result.positions.pop(0)
         second = result.second_positions.pop(0) if result.second_positions else None
-        with_covariance, floors = floor.add(recording, positions)
-        parts.append(setup_tables(sequence.id, setup, recording, with_covariance, floors.to_dict(), second))
+        own = floors[-1] if sees_second_camera(setup.settings) else floor
+        with_covariance, added = own.add(recording, positions)
+        view = own.sequence if isinstance(own.sequence, Beside) else None
+        parts.append(setup_tables(sequence.id, setup, recording, with_covariance, added.to_dict(), second, view))
         del recording, positions, second, with_covariance
     return SequenceTables(
         observations=schema.joined([part[0] for part in parts], schema.OBSERVATIONS),

@@ -8,9 +8,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
+from tracknoise.sequences.second_camera import second_image
+from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, second_of, times_of
 from tracknoise.sequences.views import first_of_part, image_names_of, source_frames, whole_of
 from tracknoise.trackers.gradient import dominant_gradient
 from tracknoise.trackers.tracker import (
@@ -24,7 +26,9 @@ from tracknoise.trackers.tracker import (
     Tracker,
     TrackerSettings,
     begins_anywhere,
+    sees_second_camera,
 )
+from tracknoise.truth.beside import beside_session
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 
 Progress = Callable[[int, int], None]
@@ -90,7 +94,7 @@ def run_trackers(
     ]
     for index in range(n_frames):
         for sequence_pass in passes:
-            frame = Frame(index, sequence_pass.sequence.image(index))
+            frame = Frame(index, sequence_pass.sequence.image(index), sequence_pass.second_image(index))
             sequence_pass.keep(frame)
             for run in sequence_pass.runs:
                 if index % run.speed:
@@ -98,7 +102,7 @@ def run_trackers(
                 step = run.tracker.step(frame)
                 tracks = run.recorder.add(index, step, gradient_rad=partial(dominant_gradient, frame))
                 for truth in run.truths:
-                    truth.observe(index, tracks, step.uv, step.born)
+                    truth.observe(index, tracks, step.uv if step.first_uv is None else step.first_uv, step.born)
         if progress is not None:
             progress(index + 1, n_frames)
     return [sequence_pass.finish() for sequence_pass in passes]
@@ -130,13 +134,18 @@ class _Pass:
         kept_bytes: int,
     ) -> None:
         self.sequence = sequence
+        self._second = second_of(sequence)
         oracle = truth if isinstance(truth, OracleTruth) else None
         self.runs = [
             _Run(
                 condition.speed,
                 start_tracker(condition, sequence, oracle, seed, n_frames),
                 Recorder(),
-                [opened.start() for opened in (truth, second) if opened is not None],
+                [
+                    beside_session(opened, sequence) if sees_second_camera(condition.settings) else opened.start()
+                    for opened in (truth, second)
+                    if opened is not None
+                ],
             )
             for condition in conditions
         ]
@@ -146,6 +155,10 @@ class _Pass:
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._free_bytes = kept_bytes
+
+    def second_image(self, index: int) -> Callable[[], NDArray[np.uint8] | None] | None:
+        """What reads the image of the second camera of a frame; None without one."""
+        return None if self._second is None else partial(second_image, self._second, index, self.sequence.source)
 
     def keep(self, frame: Frame) -> None:
         """Keep the image of a frame where it is wanted."""
@@ -183,7 +196,7 @@ def start_tracker(
     On a part of a sequence, a tracker that begins anywhere is started on the whole one.
     """
     whole, first = whole_of(sequence) if begins_anywhere(condition.settings) else (sequence, 0)
-    posed = RowPoses(whole).known
+    posed, second = RowPoses(whole).known, second_of(whole)
     tracker = condition.settings.start(
         SequenceContext(
             sequence=whole.id,
@@ -201,6 +214,7 @@ def start_tracker(
             rotation_at=(lambda index: whole.world_from_camera[index, :3, :3]) if posed.any() else None,
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
             image_names=image_names_of(whole),
+            pair=None if second is None else StereoPair(whole.camera, second.camera, second.first_from_second),
         )
     )
     return tracker if whole is sequence else _InPart(tracker, range(first, first + len(sequence)))
@@ -230,7 +244,7 @@ class _InPart:
 
     def step(self, frame: Frame) -> Step:
         """See `tracknoise.trackers.tracker.Tracker.step`; its first frame is that of the part."""
-        return self.tracker.step(Frame(self.frames[frame.index], frame.image))
+        return self.tracker.step(Frame(self.frames[frame.index], frame.image, lambda: frame.second))
 
 
 def _notes(conditions: Items[TrackerSetup], trackers: Items[Tracker]) -> tuple[str, ...]:

@@ -1,14 +1,23 @@
 """The second camera of a recording, as a sequence of its own."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath
-from tracknoise.sequences.sequence import SecondCamera, path_of
+from tracknoise.sequences.sequence import (
+    SecondCamera,
+    fault_bounds_of,
+    fault_shares_of,
+    halves_of,
+    joins_depths,
+    path_of,
+)
 from tracknoise.sequences.views import View
 
 
@@ -52,13 +61,38 @@ class Beside(View):
     @property
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: poses of the second camera; all NaN for a frame without a pose."""
-        return np.asarray(self.sequence.world_from_camera @ self.camera_beside.first_from_second)
+        return np.asarray(self.sequence.world_from_camera @ self._place)
 
     @property
     def path(self) -> PosePath | None:
         """Poses of the second camera over time; None without timestamps."""
         path = path_of(self.sequence)
-        return None if path is None else replace(path, poses=path.poses @ self.camera_beside.first_from_second)
+        return None if path is None else replace(path, poses=path.poses @ self._place)
+
+    @property
+    def pose_halves(self) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+        """Poses of the second camera by both halves; None where there are none."""
+        halves = halves_of(self.sequence)
+        return None if halves is None else (halves[0] @ self._place, halves[1] @ self._place)
+
+    @property
+    def joins_depths(self) -> bool:
+        """As of the sequence shown."""
+        return joins_depths(self.sequence)
+
+    @property
+    def fault_shares(self) -> Mapping[str, float]:
+        """Those of the sequence shown."""
+        return fault_shares_of(self.sequence)
+
+    @property
+    def fault_bounds(self) -> TruthAccuracy:
+        """Those of the sequence shown."""
+        return fault_bounds_of(self.sequence)
+
+    @property
+    def _place(self) -> NDArray[np.float64]:
+        return self.camera_beside.first_from_second
 
     def image(self, index: int) -> NDArray[np.uint8]:
         """(height, width) uint8: that of the second camera.

@@ -5,8 +5,8 @@ sequence and condition are numbered from 0 in the order of their birth. Block b 
 floor(track B / n_tracks) = b (block). The numbers of tracks in two blocks differ by at most one.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -169,6 +169,12 @@ class PreparedSequence:
         """Whether each observation was made at the speed `slowest`, (rows,); at any speed where it is None."""
         speed = self.seen.speed
         return np.ones(len(speed), dtype=bool) if self.slowest is None else speed == self.slowest
+
+    def of_trackers(self, names: Sequence[str]) -> "PreparedSequence":
+        """The same of some of the trackers."""
+        tables = (table.filter(pl.col("tracker").is_in(names)) for table in (self.observations, self.tracks))
+        part = prepare_sequence(*tables, key_frame=self.key_frame, axis=self.seen.axis)
+        return replace(part, populations=self.populations, slowest=self.slowest)
 
     def ordered_where(self, chosen: NDArray[np.bool_]) -> NDArray[np.intp]:
         """The chosen rows of the observations, (rows,) bool, in the order of `ordered`."""

@@ -158,6 +158,7 @@ LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "lever
 
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
+PAIR: Schema = dict.fromkeys(("first_du_px", "first_dv_px", "across_px", "pair_depth_m", "first_depth_m"), pl.Float64)
 _OBSERVED: Schema = {
     **ORIGIN,
     **dict.fromkeys(("track", "frame", "age"), pl.UInt32),
@@ -168,7 +169,7 @@ _OBSERVED: Schema = {
     "kept": pl.Boolean,
 }
 OBSERVATIONS = OpenSchema(
-    _OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR, SECOND_TRUTH), QUALITY_PREFIX + QUALITY_NAME, pl.Float32
+    _OBSERVED, (TRUE_COVARIANCE, LEVERAGE, EPIPOLAR, SECOND_TRUTH, PAIR), QUALITY_PREFIX + QUALITY_NAME, pl.Float32
 )
 """One row per feature and frame in which its tracker found it; age counts frames of the nominal sequence.
 
@@ -177,8 +178,18 @@ error of the true position, px^2. Where the truth is triangulated, it has `LEVER
 position for white noise of 1 px in the observations, no unit, and `EPIPOLAR`: the signed distance from the epipolar
 line, px, and the variance of this distance for the same noise, px^2. Where a tracker reports the quality of its
 observations, it has one column ``quality_<name>`` for each of them. `SECOND_TRUTH` is the true position by a second
-truth, if the experiment has one. All of these are null where they are unknown.
+truth, if the experiment has one. Trackers of a second camera have `PAIR`: the error of the position in the first camera
+at the same time, px, the signed distance from the epipolar line of that, px, and the depth along z of the first camera
+by both positions, and the true one, metres. All of these are null where they are unknown.
 """
+
+
+def of_second_camera(observations: pl.DataFrame) -> list[str]:
+    """Names of the trackers whose positions in a table of observations are those in the images of a second camera."""
+    if not set(PAIR) <= set(observations.columns):
+        return []
+    return observations.filter(pl.col("across_px").is_not_null())["tracker"].unique().sort().to_list()
+
 
 TRACKS: Schema = {
     **ORIGIN,

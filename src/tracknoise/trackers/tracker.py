@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import TrackerError
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import QUALITY_NAME, TrackEnd
 from tracknoise.text import counted
@@ -26,6 +27,8 @@ class Frame:
         Frame of the nominal sequence.
     image
         (height, width) uint8. Trackers share it, and can only read it.
+    read_second
+        Reads the image of the second camera; None where there is none.
 
     Raises
     ------
@@ -33,15 +36,30 @@ class Frame:
         If the image is not 2-D uint8.
     """
 
-    __slots__ = ("_memo", "image", "index")
+    __slots__ = ("_memo", "_read_second", "image", "index")
 
-    def __init__(self, index: int, image: NDArray[np.uint8]) -> None:
+    def __init__(
+        self, index: int, image: NDArray[np.uint8], read_second: Callable[[], NDArray[np.uint8] | None] | None = None
+    ) -> None:
         if image.ndim != 2 or image.dtype != np.uint8:
             raise ValueError(f"a frame is a 2-D uint8 image, not {image.ndim}-D {image.dtype}")
         self.index = index
         self.image = image.view()
         self.image.flags.writeable = False
         self._memo: dict[Hashable, object] = {}
+        self._read_second = read_second
+
+    @property
+    def second(self) -> NDArray[np.uint8] | None:
+        """(height, width) uint8: the image that a second camera took at the same time; None where there is none.
+
+        Raises
+        ------
+        DataError
+            If it cannot be read.
+        """
+        read = self._read_second
+        return None if read is None else self.memo(_SECOND, lambda _: read())
 
     @property
     def size(self) -> tuple[int, int]:
@@ -57,6 +75,9 @@ class Frame:
         if key not in self._memo:
             self._memo[key] = compute(self.image)
         return cast(T, self._memo[key])
+
+
+_SECOND = "second"
 
 
 def is_quality_name(name: str) -> bool:
@@ -111,6 +132,8 @@ class Step:
     quality : (n,) float32 each
         What the tracker reports about each observation, by name; NaN where unknown. Names match
         ``[a-z][a-z0-9_]*``. Each becomes the column ``quality_<name>`` of the table `observations`.
+    first_uv : (n, 2) float64, or None
+        Of a tracker whose `uv` are positions in a second camera: the positions in the first, px. None for others.
     """
 
     ids: NDArray[np.int64]
@@ -124,6 +147,7 @@ class Step:
     outliers: int
     alive: int
     quality: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    first_uv: NDArray[np.float64] | None = None
 
     @property
     def new(self) -> int:
@@ -246,6 +270,8 @@ class SequenceContext:
         the first step; None where images come one by one only.
     image_names
         The image file of each frame; None where images are no files, or their names are unknown.
+    pair
+        The first camera and a second one beside it, of which `Frame.second` are the images; None without a second.
     """
 
     sequence: SequenceId
@@ -264,6 +290,7 @@ class SequenceContext:
     rotation_at: Callable[[int], NDArray[np.float64]] | None = field(default=None, compare=False)
     images: Callable[[], Iterator[NDArray[np.uint8]]] | None = field(default=None, compare=False)
     image_names: tuple[str, ...] | None = field(default=None, compare=False)
+    pair: StereoPair | None = field(default=None, compare=False)
 
 
 @runtime_checkable
@@ -339,6 +366,14 @@ def begins_anywhere(settings: TrackerSettings) -> bool:
     return bool(getattr(settings, "begins_anywhere", False))
 
 
+def sees_second_camera(settings: TrackerSettings) -> bool:
+    """Whether positions of a tracker are those in the images of a second camera.
+
+    Settings of a tracker that has a class variable ``of_second_camera = True``. Its steps have `Step.first_uv`.
+    """
+    return bool(getattr(settings, "of_second_camera", False))
+
+
 @dataclass(frozen=True, slots=True)
 class RepeatedTracker:
     """A tracker with other random seeds.
@@ -371,6 +406,11 @@ class RepeatedTracker:
     def begins_anywhere(self) -> bool:
         """As the tracker itself: see `begins_anywhere`."""
         return begins_anywhere(self.settings)
+
+    @property
+    def of_second_camera(self) -> bool:
+        """As the tracker itself: see `sees_second_camera`."""
+        return sees_second_camera(self.settings)
 
     def start(self, context: SequenceContext) -> Tracker:
         """Start the tracker on one sequence at one speed."""
@@ -416,6 +456,8 @@ def _mistakes(step: "Step", live_ids: NDArray[np.int64]) -> Iterator[str]:
     for name, shape in {"uv": (n, 2), "born": (n,), "response": (n,), "ended": (len(step.ended_ids),)}.items():
         if getattr(step, name).shape != shape:
             yield f"{name} of shape {getattr(step, name).shape}, expected {shape}"
+    if step.first_uv is not None and step.first_uv.shape != (n, 2):
+        yield f"first_uv of shape {step.first_uv.shape}, expected {(n, 2)}"
     for feature in step.ids[~np.isfinite(step.uv).all(axis=1)][:1]:
         yield f"feature {feature} at a position that is not finite"
     for ids, place in ((step.ids, "in one frame"), (step.ended_ids, "as ended")):

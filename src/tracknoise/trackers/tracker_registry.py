@@ -24,6 +24,7 @@ TRACKERS: Plugins[TrackerSettings] = Plugins(
         "lucas-kanade": "tracknoise.trackers.lucas_kanade:LucasKanade",
         "oracle": "tracknoise.trackers.oracle:Oracle",
         "patch": "tracknoise.trackers.aligned_patches:AlignedPatches",
+        "second-view": "tracknoise.trackers.second_view:SecondView",
     },
     needs=("kind", "description", "start"),
 )

@@ -47,6 +47,10 @@ class AnchoredTracks:
         """Give tracks that have begun other points."""
         self._points[tracks], self._status[tracks] = points_world, status
 
+    def anchors(self, tracks: NDArray[np.uint32]) -> "Anchors":
+        """World points (n, 3) of tracks, and their status (n,)."""
+        return self._points[tracks], self._status[tracks]
+
     def locate(self, index: int, tracks: NDArray[np.uint32], anchors_uv: NDArray[np.float64]) -> None:
         """Add the true positions of tracks observed in a frame.
 
@@ -208,6 +212,10 @@ class BirthSession:
         if self._truth.depth_sigma is not None:
             self._sigmas.append(self._truth.depth_sigma(index, new))
         self._tracks.locate(index, tracks, np.where(born[:, np.newaxis], uv, np.nan))
+
+    def anchors(self, tracks: NDArray[np.uint32]) -> Anchors:
+        """World points (n, 3) of tracks, and their status (n,)."""
+        return self._tracks.anchors(tracks)
 
     def resolve(self) -> TruePositions:
         """True positions of all observations: see `tracknoise.truth.truth.TruthSession.resolve`."""

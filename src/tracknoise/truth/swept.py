@@ -14,7 +14,7 @@ from tracknoise.truth.anchored import AnchoredTruth, Anchors, anchor_points
 from tracknoise.truth.pair_unit import PairUnit, pair_unit
 from tracknoise.truth.plane_sweep import PlaneSweep, Swept
 from tracknoise.truth.sweep_views import Cameras
-from tracknoise.truth.visibility import Depths, SequenceGeometry
+from tracknoise.truth.visibility import SequenceGeometry, UnknownSurface
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,16 +40,8 @@ class SweptDepth:
         geometry = SequenceGeometry(sequence)
         births = _Births(geometry)
         return AnchoredTruth(
-            self.kind, geometry, births.anchor, _Nothing(), depth_sigma=births.depth_sigma, note=births.note
+            self.kind, geometry, births.anchor, UnknownSurface(), depth_sigma=births.depth_sigma, note=births.note
         )
-
-
-class _Nothing:
-    """A surface of which nothing is known."""
-
-    def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
-        """See `tracknoise.truth.visibility.VisibleSurface.depths`."""
-        return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
 
 
 class _Births:

@@ -40,6 +40,8 @@ class TruePositions:
     surroundings
         What lies around the point of each track in its first frame, (m,). None if this kind of truth has no dense
         depth.
+    first_uv : (n, 2) float64, or None
+        Of observations in a second camera: true positions in the first, px. None for others.
     """
 
     uv: NDArray[np.float64]
@@ -50,6 +52,7 @@ class TruePositions:
     leverage: NDArray[np.float64] | None = None
     surroundings: Surroundings | None = None
     depth_sigma_m: NDArray[np.float64] | None = None
+    first_uv: NDArray[np.float64] | None = None
 
 
 class TruthSession(Protocol):

@@ -166,6 +166,14 @@ class VisibleSurface(Protocol):
         ...
 
 
+class UnknownSurface:
+    """A surface of which nothing is known."""
+
+    def depths(self, index: int, uv: NDArray[np.float64]) -> Depths:
+        """See `VisibleSurface.depths`."""
+        return np.zeros(len(uv)), np.zeros(len(uv), np.bool_)
+
+
 class DepthMapSurface:
     """The frame's depth map: the farthest of the four neighbouring pixels, so that a point beside an edge is visible.
 

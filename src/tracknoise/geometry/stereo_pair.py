@@ -1,0 +1,74 @@
+"""Two cameras at fixed places beside each other, and points that both see at one time.
+
+Let r be the unit ray of a point in the first camera, d that in the second, turned into the frame of the first, and t
+the position of the second camera there. In the directions m, opposite to the part of t across r, and n = r x m,
+
+    across = d . n,    parallax = atan2(d . m, d . r),    range = t . r + |t x r| / tan(parallax)    (pair.rays)
+
+across is 0 without errors, whatever the range of the point.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tracknoise.geometry.cameras import CameraModel
+
+Array = NDArray[np.float64]
+
+_UNIT_ANGLE = 1e-4
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PairRays:
+    """(pair.rays) of n points."""
+
+    unit: Array  # (n, 3): unit rays r of the first camera
+    towards: Array  # (n, 3): m
+    across: Array  # (n,): rad
+    parallax: Array  # (n,): rad; negative where rays meet behind the cameras
+    range_m: Array  # (n,): metres; infinite without parallax, negative behind the cameras
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StereoPair:
+    """Two calibrated cameras."""
+
+    first: CameraModel
+    second: CameraModel
+    first_from_second: Array  # (4, 4), metres: pose of the second camera in the frame of the first
+
+    def rays(self, first_uv: Array, second_uv: Array) -> PairRays:
+        """(pair.rays) of positions (n, 2) in both images, px; NaN where one has no ray."""
+        unit, other = (_unit(camera.bearings(uv)) for camera, uv in ((self.first, first_uv), (self.second, second_uv)))
+        seen, t = other @ self.first_from_second[:3, :3].T, self.first_from_second[:3, 3]
+        towards = (unit @ t)[:, None] * unit - t
+        length = np.linalg.norm(towards, axis=1)
+        towards = towards / length[:, None]
+        across = np.sum(seen * np.cross(unit, towards), axis=1)
+        parallax = np.arctan2(np.sum(seen * towards, axis=1), np.sum(seen * unit, axis=1))
+        with np.errstate(divide="ignore"):
+            range_m = unit @ t + length / np.tan(parallax)
+        return PairRays(unit, towards, across, parallax, range_m)
+
+    def epipolar_px(self, first_uv: Array, second_uv: Array) -> Array:
+        """(n,): signed distances, px, of positions (n, 2) in the second image from epipolar lines of the first."""
+        return self.px_per_angle(second_uv) * self.rays(first_uv, second_uv).across
+
+    def depth_m(self, first_uv: Array, second_uv: Array) -> Array:
+        """(n,): depths along z of the first camera, by both positions (n, 2), metres; NaN where there is none."""
+        rays = self.rays(first_uv, second_uv)
+        depth_m = rays.range_m * rays.unit[:, 2]
+        return np.where(np.isfinite(depth_m) & (rays.range_m > 0.0), depth_m, np.nan)
+
+    def px_per_angle(self, second_uv: Array) -> Array:
+        """(n,): pixels of the second camera for a unit of angle, at positions (n, 2)."""
+        rays = _unit(self.second.bearings(second_uv))
+        turned = (self.second.project(rays + _UNIT_ANGLE * np.cross(axis, rays)) for axis in np.eye(3))
+        squares = sum(np.sum((uv - second_uv) ** 2, axis=1) for uv in turned)
+        return np.asarray(np.sqrt(squares / 2.0) / _UNIT_ANGLE)
+
+
+def _unit(rays: Array) -> Array:
+    return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

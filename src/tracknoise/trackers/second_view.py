@@ -1,0 +1,186 @@
+"""The features of another tracker, found in the images of a second camera.
+
+Each feature that begins is searched in the image that the second camera took at the same time. As long as it is found
+there in every frame, it goes on; a feature that is not found when it begins has no track here.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Annotated, ClassVar
+
+import cv2
+import numpy as np
+from annotated_types import Ge, Le
+from numpy.typing import NDArray
+
+from tracknoise.checks import Positive, require_bounds, settle_members
+from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.geometry.stereo_pair import StereoPair
+from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
+from tracknoise.trackers.preprocessing import Preprocessing
+from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
+
+Array = NDArray[np.float64]
+
+
+class Search(StrEnum):
+    """Where features are searched that began before.
+
+    first: in each image of the second camera anew, from the position in the first camera, as in VINS-Fusion. last: from
+    image to image of the second camera, as in OpenVINS and Basalt.
+    """
+
+    first = "first"
+    last = "last"
+
+
+@dataclass(frozen=True, slots=True)
+class SecondView:
+    """Settings of a tracker that finds the features of another one in the images of a second camera.
+
+    Positions are searched by pyramidal Lucas-Kanade.
+
+    Parameters
+    ----------
+    of
+        The other tracker: one of those that `tracknoise trackers` lists, or a preset.
+    options
+        Its options that differ from its defaults.
+    search
+        From where features are searched that began before: see `Search`.
+    window_px, extra_levels, iterations, epsilon
+        As of `tracknoise.trackers.lucas_kanade.LucasKanade`.
+    backward_px
+        Each feature is followed back, and dropped if that ends farther than this from where it began, px. None: it is
+        not followed back.
+    epipolar_px
+        A feature farther than this from the epipolar line of its position in the first camera is an outlier, px. None:
+        none is.
+    preprocessing
+        What is done to both images before.
+    """
+
+    kind: ClassVar[str] = "second-view"
+    description: ClassVar[str] = "features of another tracker, found in the images of a second camera"
+    of_second_camera: ClassVar[bool] = True
+
+    of: str = "lucas-kanade"
+    options: Mapping[str, object] = field(default_factory=dict)
+    search: Search = Search.first
+    window_px: Annotated[int, Ge(3), Le(LARGEST_WINDOW_PX)] = 21
+    extra_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] = 3
+    iterations: Annotated[int, Ge(1)] = 30
+    epsilon: Positive = 0.01
+    backward_px: Positive | None = 0.5
+    epipolar_px: Positive | None = 2.0
+    preprocessing: Preprocessing = field(default_factory=Preprocessing)
+
+    def __post_init__(self) -> None:
+        settle_members(self, search=Search)
+        require_bounds(self)
+
+    def start(self, context: SequenceContext) -> "SecondViewTracker":
+        """Start the tracker on one sequence at one speed."""
+        if context.pair is None:
+            raise DataError(context.sequence.scene, "one camera", f"a second one, for the tracker {self.kind!r}")
+        return SecondViewTracker(self, self._first().start(context), context.pair)
+
+    def _first(self) -> TrackerSettings:
+        from tracknoise.trackers.tracker_registry import make_tracker  # which lists this tracker
+
+        settings = make_tracker(self.of, self.options)
+        if isinstance(settings, SecondView):
+            raise SettingsError(f"of = {self.of!r}, expected a tracker of one camera")
+        return settings
+
+
+class SecondViewTracker:
+    """The tracker on one sequence: its positions are those in the second camera, and `Step.first_uv` the others."""
+
+    def __init__(self, settings: SecondView, first: Tracker, pair: StereoPair) -> None:
+        self._settings, self._first, self._pair = settings, first, pair
+        self._ids: NDArray[np.int64] = np.empty(0, np.int64)
+        self._uv: Array = np.empty((0, 2))
+        self._images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
+
+    def step(self, frame: Frame) -> Step:
+        """Track in the first camera, and find what goes on in the second."""
+        first = self._first.step(frame)
+        alive = np.isin(first.ids, self._ids)
+        rows = np.flatnonzero(alive | first.born)
+        images = self._prepared(frame)
+        found_uv, end = self._found(images, first.uv[rows], first.ids[rows], alive[rows])
+        kept, going = end < 0, alive[rows]
+        shown = rows[kept]
+        lost = rows[~kept & going]
+        gone = np.isin(first.ended_ids, self._ids)
+        missing = ~np.isin(self._ids, first.ids) & ~np.isin(self._ids, first.ended_ids)
+        offered = len(self._ids)
+        self._images = images
+        self._ids = np.concatenate([self._ids[missing], first.ids[shown]])
+        self._uv = np.concatenate([self._uv[missing], found_uv[kept]])
+        return Step(
+            ids=first.ids[shown],
+            uv=found_uv[kept],
+            born=first.born[shown],
+            response=first.response[shown],
+            ended_ids=np.concatenate([first.ended_ids[gone], first.ids[lost]]),
+            ended=np.concatenate([first.ended[gone], end[~kept & going]]),
+            offered=offered,
+            matched=int(np.count_nonzero(going & (end != TrackEnd.lost))),
+            outliers=int(np.count_nonzero(going & (end == TrackEnd.outlier))),
+            alive=len(self._ids),
+            first_uv=first.uv[shown],
+        )
+
+    def _prepared(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | None:
+        """Both images of a frame; None where the second camera has none."""
+        second, prepared = frame.second, self._settings.preprocessing.applied
+        return None if second is None else (prepared(frame).image, prepared(Frame(frame.index, second)).image)
+
+    def _found(
+        self, images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None, first_uv: Array, ids: NDArray[np.int64],
+        alive: NDArray[np.bool_],
+    ) -> tuple[Array, NDArray[np.int8]]:  # fmt: skip
+        """Positions (n, 2) in the second image, and why features end, (n,); -1 of those that are found."""
+        uv, end = np.full(first_uv.shape, np.nan), np.full(len(first_uv), TrackEnd.lost, np.int8)
+        if images is None:
+            return uv, end
+        goes_on = alive & (self._settings.search is Search.last) & (self._images is not None)
+        if goes_on.any() and self._images is not None:
+            order = np.argsort(self._ids)
+            before = self._uv[order[np.searchsorted(self._ids, ids[goes_on], sorter=order)]]
+            uv[goes_on] = self._followed(self._images[1], images[1], before)
+        uv[~goes_on] = self._followed(images[0], images[1], first_uv[~goes_on])
+        found = np.flatnonzero(np.isfinite(uv).all(axis=1))
+        found = found[self._pair.second.contains(uv[found])]
+        end[found] = -1
+        if self._settings.epipolar_px is not None:
+            off = np.abs(self._pair.epipolar_px(first_uv[found], uv[found])) > self._settings.epipolar_px
+            end[found[off]] = TrackEnd.outlier
+        return uv, end
+
+    def _followed(self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: Array) -> Array:
+        """(n, 2): positions in another image; NaN where not found."""
+        if not len(uv):
+            return uv
+        moved, found = self._aligned(source, target, uv.astype(np.float32), uv.astype(np.float32))
+        if self._settings.backward_px is not None:
+            back, returned = self._aligned(target, source, moved, moved)
+            found &= returned & (np.linalg.norm(back - uv, axis=1) <= self._settings.backward_px)
+        return np.where(found[:, None], moved.astype(np.float64), np.nan)
+
+    def _aligned(
+        self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: NDArray[np.float32], start: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        given = self._settings
+        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, given.iterations, given.epsilon)
+        side = given.window_px
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(
+            source, target, uv, start.copy(), winSize=(side, side), maxLevel=given.extra_levels, criteria=criteria,
+            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+        )  # fmt: skip
+        found = (status[:, 0] == 1) & np.isfinite(moved).all(axis=1)
+        return np.asarray(moved, np.float32), np.asarray(found)

@@ -14,6 +14,7 @@ from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
+from tracknoise.statistics.pair_sums import pair_sums
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import audited_observations, births_with_depth
@@ -140,6 +141,7 @@ def geometry_tables(
         of_second = prepared.of_trackers(beside_it), frame_geometry(beside(sequence), n_frames)
         more = _of_errors(*of_second, experiment.truth.population, truth)
         tables = {name: _together(tables[name], more[name]) for name in tables}
+        tables["pair_sums"] = pair_sums(of_second[0])
     return {
         **camera_tables(sequence, n_frames),
         "audit_samples": audit_samples(sequence, first, truth),

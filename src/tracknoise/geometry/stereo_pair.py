@@ -56,6 +56,14 @@ class StereoPair:
         """(n,): signed distances, px, of positions (n, 2) in the second image from epipolar lines of the first."""
         return self.px_per_angle(second_uv) * self.rays(first_uv, second_uv).across
 
+    def errors_px(
+        self, first_uv: Array, second_uv: Array, first_true: Array, second_true: Array
+    ) -> tuple[Array, Array]:
+        """(n,) each, px: distances from epipolar lines, and errors along them, of positions (n, 2) by true ones."""
+        seen, true = self.rays(first_uv, second_uv), self.rays(first_true, second_true)
+        scale = self.px_per_angle(second_uv)
+        return scale * seen.across, scale * (seen.parallax - true.parallax)
+
     def depth_m(self, first_uv: Array, second_uv: Array) -> Array:
         """(n,): depths along z of the first camera, by both positions (n, 2), metres; NaN where there is none."""
         rays = self.rays(first_uv, second_uv)

@@ -106,7 +106,7 @@ def _pair(recording: Recording, positions: TruePositions, view: Beside | None) -
     error[np.abs(error) < ROUNDING_PX] = 0.0
     values = (
         *error.T,
-        pair.epipolar_px(recording.first_uv, recording.uv),
+        *pair.errors_px(recording.first_uv, recording.uv, positions.first_uv, positions.uv),
         pair.depth_m(recording.first_uv, recording.uv),
         pair.depth_m(positions.first_uv, positions.uv),
     )

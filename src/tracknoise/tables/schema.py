@@ -158,7 +158,9 @@ LEVERAGE: Schema = {"leverage_uu": pl.Float64, "leverage_uv": pl.Float64, "lever
 
 EPIPOLAR: Schema = {"epipolar_px": pl.Float64, "epipolar_variance": pl.Float64}
 SECOND_TRUTH: Schema = {"u_second_px": pl.Float64, "v_second_px": pl.Float64}
-PAIR: Schema = dict.fromkeys(("first_du_px", "first_dv_px", "across_px", "pair_depth_m", "first_depth_m"), pl.Float64)
+PAIR: Schema = dict.fromkeys(
+    ("first_du_px", "first_dv_px", "across_px", "along_px", "pair_depth_m", "first_depth_m"), pl.Float64
+)
 _OBSERVED: Schema = {
     **ORIGIN,
     **dict.fromkeys(("track", "frame", "age"), pl.UInt32),
@@ -178,9 +180,9 @@ error of the true position, px^2. Where the truth is triangulated, it has `LEVER
 position for white noise of 1 px in the observations, no unit, and `EPIPOLAR`: the signed distance from the epipolar
 line, px, and the variance of this distance for the same noise, px^2. Where a tracker reports the quality of its
 observations, it has one column ``quality_<name>`` for each of them. `SECOND_TRUTH` is the true position by a second
-truth, if the experiment has one. Trackers of a second camera have `PAIR`: the error of the position in the first camera
-at the same time, px, the signed distance from the epipolar line of that, px, and the depth along z of the first camera
-by both positions, and the true one, metres. All of these are null where they are unknown.
+truth, if the experiment has one. Trackers of a second camera have `PAIR`: the error of the position in the first
+camera at the same time, the signed distance from its epipolar line and the error along that, px, and the depth along z
+of the first camera by both positions, and the true one, metres. All of these are null where they are unknown.
 """
 
 
@@ -324,6 +326,23 @@ Rows of lag 0 hold the means and central sums of all blocks together (block is n
 Rows of lag l >= 1 hold sums over all ages together (age is null), over the n pairs of changes that are l steps apart:
 lagged is the sum of their products, squares half the sum of their squares. If the truth is a scan, these rows exist
 too, because a change does not depend on where the error is zero.
+"""
+
+PAIR_SUMS: Schema = {
+    **ORIGIN,
+    "block": pl.UInt8,
+    "cell": pl.UInt8,
+    **dict.fromkeys(("n", "n_short", "n_near", "n_later"), pl.Int64),
+    **dict.fromkeys(("sum_along", "sum_log", "sum_log_depth"), pl.Float64),
+    **{f"{name}_{axis}": pl.Float64 for name in ("first", "second", "both") for axis in "uv"},
+    **dict.fromkeys(("across_counts", "along_counts", "log_counts"), pl.List(pl.UInt32)),
+}
+"""Sums of what positions in two cameras say together, by cells of depth (`tracknoise.statistics.pair_sums`).
+
+Of the n observations of a cell, n_short have short errors, n_near a depth near the true one, and n_later are of n_short
+and older than 0 frames. first, second and both are sums of products of errors of these in the first camera, in the
+second, and of one with the other, px^2. sum_along is of the short ones, px; sum_log is of the logarithms of depths by
+both cameras over true ones. The lists are histograms of |across_px|, |along_px| and these logarithms in units of .001.
 """
 
 FITTED_NOISE: Schema = {

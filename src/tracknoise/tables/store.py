@@ -101,6 +101,7 @@ _OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
     "ratio_sums": schema.RATIOS,
     "depth_repeats": findings_schema.DEPTH_REPEATS,
     "covariance_sums": schema.COVARIANCE_SUMS,
+    "pair_sums": schema.PAIR_SUMS,
 }
 """Tables that sequences of earlier versions do not have."""
 KIND_TABLES: Mapping[str, schema.Schema] = {

@@ -22,6 +22,7 @@ from tracknoise.topics.factor_topic import EFFECTS_OF_FACTORS
 from tracknoise.topics.growth_topic import GROWTH
 from tracknoise.topics.interval_topic import NUMBERS
 from tracknoise.topics.lookup_topic import NOISE_BY_CONDITION
+from tracknoise.topics.pair_topic import SECOND_CAMERA
 from tracknoise.topics.ratio_topic import RATIOS_OF_SUMS
 from tracknoise.topics.scene_topic import COPIED_SCENES, FEW_SCENES, GROUPED_SCENES
 from tracknoise.topics.shape_topic import SHAPE
@@ -47,6 +48,7 @@ TOPICS: tuple[Topic, ...] = (
     DEPTH_NOISE,
     DEPTHS,
     COVARIANCES,
+    SECOND_CAMERA,
     FEW_SCENES,
     GROUPED_SCENES,
     ERRORS_OF_POSES,

@@ -11,6 +11,7 @@ from benchmarks.documents import presets
 
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.trackers.rejection import Model, Rejection
 from tracknoise.trackers.tracker import Frame, check_quality, check_step
 from tracknoise.trackers.tracker_registry import (
@@ -183,10 +184,13 @@ CAMERA = Camera(width=SIZE[0], height=SIZE[1], fx=300.0, fy=300.0, cx=187.5, cy=
 
 @pytest.mark.parametrize("name", preset_names())
 def test_every_step_of_a_preset_fits_to_those_before(frames, setting, name):
-    tracker = make_tracker(name).start(replace(setting(size=SIZE), camera_at=lambda index: CAMERA))
+    beside = np.eye(4)
+    beside[0, 3] = 0.1
+    context = replace(setting(size=SIZE), camera_at=lambda index: CAMERA, pair=StereoPair(CAMERA, CAMERA, beside))
+    tracker = make_tracker(name).start(context)
     live, followed = np.empty(0, dtype=np.int64), 0
     for frame in frames:
-        step = tracker.step(frame)
+        step = tracker.step(Frame(frame.index, frame.image, lambda image=frame.image: image))
         check_step(step, live)
         check_quality(step.quality, len(step.ids))
         live = np.union1d(live[~np.isin(live, step.ended_ids)], step.ids)

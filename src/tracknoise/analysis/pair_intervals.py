@@ -5,7 +5,7 @@ the mean m(z) of its error,
 
     s(z) = a + b z^2,    m(z) = c + d z^2    (pair.depth)
 
-are fitted to s / z and m / z, each cell with the weight of its observations. a and b are not negative.
+are fitted to s / z and m / z, each cell with the weight n / (s / z)^2 of its n observations.
 """
 
 from functools import partial
@@ -131,14 +131,16 @@ def _laws(column: dict[str, Array], shape: tuple[int, ...]) -> tuple[Array, ...]
         n, n_near = column[f"n@{number}"], column[f"n_near@{number}"]
         with np.errstate(divide="ignore", invalid="ignore"):
             counts = np.stack([column[f"log@{number}_{bin}"] for bin in _BINS])
-            spread[place] = np.nan_to_num(_TO_CORE * LOG_UNIT * quantile(counts, 0.5))
-            mean[place] = np.nan_to_num(column[f"sum_log@{number}"] / n_near)
-            depth[place] = np.nan_to_num(np.exp(column[f"sum_log_depth@{number}"] / n), nan=1.0)
-        weight[place] = np.where(n >= _FEWEST_OF_CELL, n, 0.0)
-    return *_fitted(weight, depth, spread, non_negative=True), *_fitted(weight, depth, mean, non_negative=False)
+            spread[place] = _TO_CORE * LOG_UNIT * quantile(counts, 0.5)
+            mean[place] = column[f"sum_log@{number}"] / n_near
+            depth[place] = np.exp(column[f"sum_log_depth@{number}"] / n)
+            weight[place] = np.where(n >= _FEWEST_OF_CELL, n / spread[place] ** 2, 0.0)
+    known = np.isfinite(weight) & (weight > 0.0)
+    weight, depth = np.where(known, weight, 0.0), np.where(known, depth, 1.0)
+    return *_fitted(weight, depth, np.where(known, spread, 0.0)), *_fitted(weight, depth, np.where(known, mean, 0.0))
 
 
-def _fitted(weight: Array, depth: Array, relative: Array, *, non_negative: bool) -> tuple[Array, Array]:
+def _fitted(weight: Array, depth: Array, relative: Array) -> tuple[Array, Array]:
     """Constant and factor of z^2 that fit numbers relative to depths z; NaN where depths do not differ."""
     one, square = 1.0 / depth, depth
     a11, a12, a22 = ((weight * x * y).sum(axis=0) for x, y in ((one, one), (one, square), (square, square)))
@@ -146,9 +148,5 @@ def _fitted(weight: Array, depth: Array, relative: Array, *, non_negative: bool)
     with np.errstate(divide="ignore", invalid="ignore"):
         determinant = a11 * a22 - a12**2
         constant, factor = (a22 * b1 - a12 * b2) / determinant, (a11 * b2 - a12 * b1) / determinant
-        if non_negative:
-            alone = constant < 0.0, factor < 0.0
-            constant, factor = np.where(alone[1], b1 / a11, constant), np.where(alone[0], b2 / a22, factor)
-            constant, factor = np.where(alone[0], 0.0, constant), np.where(alone[1], 0.0, factor)
     known = (np.count_nonzero(weight, axis=0) > 1) & np.isfinite(constant) & np.isfinite(factor)
     return np.where(known, constant, np.nan), np.where(known, factor, np.nan)

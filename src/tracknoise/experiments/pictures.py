@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tracknoise.sequences.images import encode_jpeg, encode_webp, reduced
 from tracknoise.statistics.samples import extreme_tracks
 from tracknoise.tables.defaults import LONGEST_STRIP, PATCH_PX
-from tracknoise.tables.schema import FILM, ORIGIN, PATCHES, of_second_camera
+from tracknoise.tables.schema import FILM, ORIGIN, PATCHES, of_first_camera
 
 if TYPE_CHECKING:
     from tracknoise.experiments.measure import Measurement
@@ -59,8 +59,7 @@ def track_patches(measurement: "Measurement", *, speed: int) -> pl.DataFrame:
 
     Returns schema `PATCHES`.
     """
-    of_images = ~pl.col("tracker").is_in(of_second_camera(measurement.observations))
-    observed = measurement.observations.lazy().filter(of_images, speed=speed).select(_COLUMNS).collect()
+    observed = of_first_camera(measurement.observations).lazy().filter(speed=speed).select(_COLUMNS).collect()
     extremes = extreme_tracks(observed, speed=speed, population=measurement.population, key_frame=measurement.key_frame)
     chosen = [_located(observed, n_each, rows) for n_each, rows in extremes]
     patches = _cut(measurement, chosen)

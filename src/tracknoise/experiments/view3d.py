@@ -21,6 +21,7 @@ from tracknoise.experiments.settings import parse_experiment
 from tracknoise.geometry.projection import FrameGeometry, projection_jacobian
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.schema import of_second_camera
 from tracknoise.tables.store import RunFolder
 
 
@@ -62,7 +63,8 @@ def open_scene(run: RunFolder, scene: str | None = None) -> Scene:
     geometry = frame_geometry(sequence, entry.n_frames)
     tables = {name: run.sequence_table(name, entry.key) for name in ("observations", "tracks")}
     slowest = {name: table.filter(pl.col("speed") == table["speed"].min()) for name, table in tables.items()}
-    names = slowest["tracks"]["tracker"].unique(maintain_order=True)
+    beside = of_second_camera(slowest["observations"])
+    names = [name for name in slowest["tracks"]["tracker"].unique(maintain_order=True) if name not in beside]
     trackers = {name: _tracker(slowest, name, geometry) for name in names}
     if not trackers:
         raise StoreError(f"{run.path}: {entry.key} has no track, expected at least one")

@@ -8,6 +8,7 @@ import polars as pl
 
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.schema import of_first_camera
 
 MOST_TRACKS, FEWEST_TRACKS, OF_ALL = 150, 20, 600
 """Tracks of each tracker that the page can draw, at least, and of all trackers. A third have the largest errors."""
@@ -30,13 +31,18 @@ def filmed_scene(data: ReportData) -> dict[str, Any] | None:
 
 def _film(data: ReportData, key: str, entry: SequenceEntry, images: pl.DataFrame) -> dict[str, Any]:
     most = max(FEWEST_TRACKS, min(MOST_TRACKS, OF_ALL // len(data.trackers)))
-    seen = data.run.rows("observations", key, pl.col("frame") < images.height, pl.col("speed") == data.slowest)
+    filmed = pl.col("frame") < images.height, pl.col("speed") == data.slowest
+    seen = of_first_camera(data.run.rows("observations", key, *filmed))
     return {
         "scene": entry.sequence.scene,
         "width": entry.width,
         "height": entry.height,
         "frames": [base64.b64encode(image).decode() for image in images["image"]],
-        "trackers": {tracker: list(_tracks(seen.filter(tracker=tracker), most)) for tracker in data.trackers},
+        "trackers": {
+            tracker: list(_tracks(seen.filter(tracker=tracker), most))
+            for tracker in data.trackers
+            if tracker in {*seen["tracker"]}
+        },
     }
 
 

@@ -193,6 +193,11 @@ def of_second_camera(observations: pl.DataFrame) -> list[str]:
     return observations.filter(pl.col("across_px").is_not_null())["tracker"].unique().sort().to_list()
 
 
+def of_first_camera(observations: pl.DataFrame) -> pl.DataFrame:
+    """Observations of the trackers whose positions are those in the images of the sequence itself."""
+    return observations.filter(~pl.col("tracker").is_in(of_second_camera(observations)))
+
+
 TRACKS: Schema = {
     **ORIGIN,
     **dict.fromkeys(("track", "first_frame", "lifetime"), pl.UInt32),

@@ -25,7 +25,7 @@ def pairs(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 def _pair_of(rows: list[dict[str, object]], tracker: str) -> Part | None:
     if not rows:
         return None
-    units = {name: table.unit or "" for name, table in PAIRS.quantities.items()}
+    units = {name: "" if one.unit == "1" else one.unit or "" for name, one in PAIRS.quantities.items()}
     found = {
         str(row["quantity"]): Estimate.of_row(row, "value", "low", "high", units[f"pair_{row['quantity']}"])
         for row in rows

@@ -26,6 +26,7 @@ from tracknoise.report.figures.messages import values
 from tracknoise.report.figures.panels import Chart, Panel, Spec, arranged, layered
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
+from tracknoise.tables.schema import of_first_camera
 from tracknoise.words import SPACE, count, listing, number, percent, px
 
 IMAGE = "image"
@@ -175,7 +176,7 @@ def _nothing(data: ReportData, entry: SequenceEntry) -> str:
 def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
     first = max(0, entry.snapshot_frame - TRAIL * data.slowest)
     in_frames = pl.col("frame").is_between(first, entry.snapshot_frame)
-    observed = data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frames)
+    observed = of_first_camera(data.run.rows("observations", entry.key, pl.col("speed") == data.slowest, in_frames))
     error = (pl.col("du_px").pow(2) + pl.col("dv_px").pow(2)).sqrt()
     fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
     snapshot = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")

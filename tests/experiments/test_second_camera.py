@@ -1,0 +1,75 @@
+"""A run with a tracker of a second camera."""
+
+import polars as pl
+import pytest
+from tests.experiments.conftest import Told
+from tests.lean import with_findings
+
+from tracknoise.api.finished_run import open_run
+from tracknoise.experiments.execute import execute
+from tracknoise.experiments.settings import parse_experiment
+from tracknoise.tables.schema import of_second_camera
+from tracknoise.tables.store import RunFolder
+
+EXPERIMENT = """
+name = "pair"
+speeds = [1]
+keep = "observations"
+
+[dataset]
+reader = "simulated"
+options = { motions = ["sideways", "arvr"], frames = 16, width = 320, height = 240, baseline_m = BASELINE }
+
+[[trackers]]
+kind = "lucas-kanade"
+"""
+SECOND = """
+[[trackers]]
+kind = "second-view"
+name = "second"
+"""
+
+
+@pytest.fixture(scope="module")
+def run():
+    def made(path, text):
+        folder = RunFolder(path)
+        with with_findings():
+            execute(parse_experiment(text, place="test"), folder, listener=Told(), debug=True)
+        return folder
+
+    return made
+
+
+@pytest.fixture(scope="module")
+def pair(run, tmp_path_factory):
+    return run(tmp_path_factory.mktemp("pair") / "run", EXPERIMENT.replace("BASELINE", "0.12") + SECOND)
+
+
+def test_both_cameras_have_a_sigma_and_the_pair_its_own_numbers(pair):
+    opened = open_run(pair.path)
+    assert {*opened.table("second_camera")["tracker"]} == {"second"}
+    assert opened.results(tracker="second", quantity="core").height > 0
+
+
+def test_numbers_of_the_first_camera_do_not_depend_on_the_second(pair, run, tmp_path):
+    alone = run(tmp_path / "run", EXPERIMENT.replace("BASELINE", "0.0"))
+    key = sorted(alone.manifest().sequences)[0]
+    for name in ("moments", "window_noise", "noise_sums", "audit_samples", "rigid"):
+        beside = pair.sequence_table(name, key).filter(tracker="lucas-kanade")
+        assert beside.equals(alone.sequence_table(name, key).filter(tracker="lucas-kanade")), name
+
+
+def test_the_truth_is_asked_by_trackers_of_the_first_camera(pair):
+    key = sorted(pair.manifest().sequences)[0]
+    assert of_second_camera(pair.sequence_table("observations", key)) == ["second"]
+    assert {*pair.sequence_table("audit_samples", key)["tracker"]} == {"lucas-kanade"}
+    assert {*pair.sequence_table("patches", key)["tracker"]} == {"lucas-kanade"}
+    assert pair.sequence_table("pair_sums", key)["n"].sum() > 500
+    assert {*pair.sequence_table("noise_sums", key)["tracker"]} == {"lucas-kanade", "second"}
+
+
+def test_findings_say_what_both_cameras_share(pair):
+    results = open_run(pair.path).results()
+    shown = results.filter(pl.col("quantity").cast(pl.String).str.starts_with("pair_"))
+    assert {"pair_epipolar_core", "pair_correlation_u", "pair_depth_sd_square"} <= {*shown["quantity"].cast(pl.String)}

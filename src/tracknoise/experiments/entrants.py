@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.experiments.plan import make_trackers, open_batch, plan
-from tracknoise.experiments.settings import FROM_FILES, Experiment
-from tracknoise.measurement.tracking import TrackerSetup, start_tracker
+from tracknoise.experiments.settings import FROM_FILES, SECOND_CAMERA, Experiment
+from tracknoise.measurement.tracking import TrackerSetup, second_images, start_tracker
 from tracknoise.sequences.sequence import Sequence
 from tracknoise.trackers.tracker import Frame
-from tracknoise.trackers.tracker_registry import preset_names
+from tracknoise.trackers.tracker_registry import load_preset, preset_names
 
 MOST_FRAMES = 30
 _KINDS = ("lucas-kanade", "correspondence", "dense-flow", "patch")
@@ -21,10 +21,11 @@ _WITHOUT_COSTS = FROM_FILES | {"external", "oracle"}
 
 
 def entrants(experiment: Experiment) -> list[str]:
-    """Names of who takes part: the trackers of an experiment, other kinds with their defaults, and all presets."""
+    """Names of who takes part: trackers of an experiment, other kinds with their defaults, presets of one camera."""
     own = {choice.label: choice.kind for choice in experiment.trackers}
     kinds = [kind for kind in _KINDS if kind not in own]
-    return [*own, *kinds, *(name for name in preset_names() if name not in own)]
+    presets = (name for name in preset_names() if load_preset(name).tracker not in SECOND_CAMERA)
+    return [*own, *kinds, *(name for name in presets if name not in own)]
 
 
 def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, float]:
@@ -58,7 +59,8 @@ def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, f
 
 
 def _cost_ms(setup: TrackerSetup, sequence: Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
-    frames = [Frame(index, image) for index, image in enumerate(images)]
+    read_second = second_images(sequence)
+    frames = [Frame(index, image, read_second(index)) for index, image in enumerate(images)]
     started = time.process_time()
     tracker = start_tracker(setup, sequence, None, seed, len(images))
     for frame in frames:

@@ -71,7 +71,7 @@ def experiment_template(
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
-    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers()]
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers(first)]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -140,11 +140,20 @@ def _truth(first: Sequence, *, stereo: bool) -> list[str]:
     return ["", "[truth]", *depth, f"# {_entry('kind', best)}  # {why}"]
 
 
-def _trackers() -> list[str]:
-    """Both trackers with how they reject outliers and, as a comment, the other choice."""
+def _trackers(sequence: Sequence) -> list[str]:
+    """Both trackers with how they reject outliers and, as comments, the other choice and one of a second camera."""
     choice = f'# options = {{ rejection = {{ model = "{Model.fundamental}" }} }}'
     tables = (("", "[[trackers]]", _entry("kind", kind), choice) for kind in _TRACKERS)
-    return ["", *_REJECTION, *chain.from_iterable(tables)]
+    second = [] if second_of(sequence) is None else _SECOND_CAMERA
+    return ["", *_REJECTION, *chain.from_iterable(tables), *second]
+
+
+_SECOND_CAMERA = (
+    "",
+    "# [[trackers]]  # the features of the first in the images of the second camera",
+    f"# {tomlkit.dumps({'kind': 'second-view'}).strip()}",
+    f"# {tomlkit.dumps({'options': {'of': _TRACKERS[0]}}).strip()}",
+)
 
 
 def _entry(key: str, value: object) -> str:

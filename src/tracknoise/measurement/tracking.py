@@ -94,7 +94,7 @@ def run_trackers(
     ]
     for index in range(n_frames):
         for sequence_pass in passes:
-            frame = Frame(index, sequence_pass.sequence.image(index), sequence_pass.second_image(index))
+            frame = Frame(index, sequence_pass.sequence.image(index), sequence_pass.read_second(index))
             sequence_pass.keep(frame)
             for run in sequence_pass.runs:
                 if index % run.speed:
@@ -134,7 +134,7 @@ class _Pass:
         kept_bytes: int,
     ) -> None:
         self.sequence = sequence
-        self._second = second_of(sequence)
+        self.read_second = second_images(sequence)
         oracle = truth if isinstance(truth, OracleTruth) else None
         self.runs = [
             _Run(
@@ -155,10 +155,6 @@ class _Pass:
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._free_bytes = kept_bytes
-
-    def second_image(self, index: int) -> Callable[[], NDArray[np.uint8] | None] | None:
-        """What reads the image of the second camera of a frame; None without one."""
-        return None if self._second is None else partial(second_image, self._second, index, self.sequence.source)
 
     def keep(self, frame: Frame) -> None:
         """Keep the image of a frame where it is wanted."""
@@ -186,6 +182,15 @@ class _Pass:
             self._images,
             self._points,
         )
+
+
+ReadSecond = Callable[[], NDArray[np.uint8] | None]
+
+
+def second_images(sequence: Sequence) -> Callable[[int], ReadSecond | None]:
+    """Gives what reads the image of the second camera of a frame; None without one."""
+    second = second_of(sequence)
+    return lambda index: None if second is None else partial(second_image, second, index, sequence.source)
 
 
 def start_tracker(

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Items
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import cv2
 import numpy as np
@@ -16,11 +16,13 @@ from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.likely_times import by_argument, seconds_of
 from tracknoise.sequences.poses import checked_poses, has_pose
 from tracknoise.sequences.recorded import RecordedSequence
+from tracknoise.sequences.sequence import SecondCamera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import is_printable
 from tracknoise.time_units import TimeUnit
 
 _PLACE = "arrays"
+Picture = TypeVar("Picture", NDArray[np.uint8], NDArray[np.uint8] | None)
 
 
 class Sequence(RecordedSequence):
@@ -40,6 +42,9 @@ class Sequence(RecordedSequence):
         time_unit: str | None = None,
         distortion: Items[float] = (),
         readout_s: float | None = None,
+        second_images: Items[ArrayLike | None] | NDArray[Any] | None = None,
+        second_K: ArrayLike | CameraModel | None = None,
+        first_from_second: ArrayLike | None = None,
         dataset: str = "arrays",
         scene: str = "scene",
     ) -> "Sequence":
@@ -68,6 +73,12 @@ class Sequence(RecordedSequence):
         readout_s
             Time from the upper edge of the first row to the lower edge of the last of a rolling shutter, seconds; the
             timestamp is that of the middle of the image. By default all rows are exposed together.
+        second_images
+            Those of a second camera at the same times, as `images`; None for a frame without one.
+        second_K
+            As `K`, of the second camera.
+        first_from_second
+            (4, 4): pose of the second camera in the frame of the first, metres.
         dataset, scene
             Names in the tables. Each sequence of an analysis needs its own scene.
 
@@ -98,19 +109,20 @@ class Sequence(RecordedSequence):
             timestamps_s=None if timestamps_s is None else _times(timestamps_s, time_unit),
             time_unit_stated=time_unit is not None,
             shutter=_shutter(readout_s),
+            second=_second(second_images, second_K, first_from_second, len(pictures)),
         )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Images:
+class _Images(Generic[Picture]):
     """Images by index."""
 
-    images: tuple[NDArray[np.uint8], ...]
+    images: tuple[Picture, ...]
 
     def __len__(self) -> int:
         return len(self.images)
 
-    def __call__(self, index: int) -> NDArray[np.uint8]:
+    def __call__(self, index: int) -> Picture:
         return self.images[index]
 
 
@@ -130,6 +142,36 @@ class _Depths:
 
     def __call__(self, index: int) -> DepthMap | None:
         return self.depths[index]
+
+
+def _second(
+    images: Items[ArrayLike | None] | NDArray[Any] | None,
+    K: ArrayLike | CameraModel | None,
+    pose: ArrayLike | None,
+    count: int,
+) -> SecondCamera | None:
+    """The second camera; None where there is none."""
+    given = {"second_images": images, "second_K": K, "first_from_second": pose}
+    missing = [name for name, value in given.items() if value is None]
+    if len(missing) == len(given):
+        return None
+    if images is None or K is None or pose is None:
+        raise DataError(_PLACE, f"no {missing[0]}", f"{', '.join(given)}, or none of them")
+    pictures = _Images(
+        tuple(None if one is None else _gray(index, one) for index, one in _items("second_images", images))
+    )
+    if len(pictures) != count:
+        raise DataError(_PLACE, f"{len(pictures)} second_images", f"{count}, as images")
+    present = tuple(image for image in pictures.images if image is not None)
+    if not present:
+        raise DataError(_PLACE, "no second_images", "at least one")
+    camera = _camera(K, (), present[0].shape)
+    _require_size("second_images", present, camera)
+    matrix = _floats("first_from_second", pose, 2)
+    if matrix.shape != (4, 4):
+        raise DataError(_PLACE, f"first_from_second of shape {matrix.shape}", "shape (4, 4)")
+    rigid, _ = checked_poses(matrix[None], ["first_from_second"])
+    return SecondCamera(camera, rigid[0], pictures)
 
 
 def _require_name(name: str, value: object) -> None:

@@ -10,7 +10,8 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import position_rows
 from tracknoise.sequences.images import encode_png
-from tracknoise.sequences.sequence import Sequence, times_of
+from tracknoise.sequences.second_camera import Beside
+from tracknoise.sequences.sequence import Sequence, second_of, times_of
 from tracknoise.sequences.writing import new_folder, pinhole_of
 from tracknoise.simulation.imaging import Stream, generator
 from tracknoise.simulation.inertial import RATE_HZ, InertialNoise, InertialReadings, SmoothPath, inertial_readings
@@ -18,7 +19,7 @@ from tracknoise.simulation.inertial import RATE_HZ, InertialNoise, InertialReadi
 _NS = 1_000_000_000
 _START_NS = _NS
 """Time of the first frame: some programs take 0 for no time."""
-_PLACE = "T_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]\n"
+_AT_BODY: NDArray[np.float64] = np.eye(4)
 """The body is the camera, and the inertial sensor is at its centre."""
 _AXES = "xyz"
 
@@ -34,7 +35,8 @@ def write_euroc(
     Parameters
     ----------
     sequence
-        With times, a pose of each of at least 2 frames, one pinhole camera without distortion, and z up in the world.
+        With times, a pose of each of at least 2 frames, a pinhole camera without distortion, and z up in the world. The
+        images of a second camera, which is one too, are those of ``cam1``.
     path
         Folder to write, new or empty.
     seed
@@ -61,8 +63,15 @@ def write_euroc(
         device = unfinished / "mav0"
         _write_inertial(device / "imu0", readings, noise)
         _write_truth(device / "state_groundtruth_estimate0", poses, readings)
-        _write_camera(device / "cam0", camera, float(1.0 / np.diff(times_s).mean()))
-        _write_images(device / "cam0", sequence, _nanoseconds(times_s), progress)
+        rate_hz, times_ns = float(1.0 / np.diff(times_s).mean()), _nanoseconds(times_s)
+        _write_camera(device / "cam0", camera, rate_hz, np.eye(4))
+        second = second_of(sequence)
+        if second is not None:
+            _write_camera(
+                device / "cam1", pinhole_of(beside := Beside(sequence, second)), rate_hz, second.first_from_second
+            )
+            _write_images(device / "cam1", beside, times_ns, None)
+        _write_images(device / "cam0", sequence, times_ns, progress)
 
 
 def _nanoseconds(times_s: NDArray[np.float64]) -> list[int]:
@@ -94,7 +103,7 @@ def _write_truth(folder: Path, path: SmoothPath, readings: InertialReadings) -> 
     _write_sensor(folder, "visual-inertial")
 
 
-def _write_camera(folder: Path, camera: Camera, rate_hz: float) -> None:
+def _write_camera(folder: Path, camera: Camera, rate_hz: float, place: NDArray[np.float64]) -> None:
     _write_sensor(
         folder,
         "camera",
@@ -104,6 +113,7 @@ def _write_camera(folder: Path, camera: Camera, rate_hz: float) -> None:
         f"intrinsics: [{', '.join(map(repr, (camera.fx, camera.fy, camera.cx, camera.cy)))}]",
         "distortion_model: radial-tangential",
         "distortion_coefficients: [0.0, 0.0, 0.0, 0.0]",
+        place=place,
     )
 
 
@@ -126,9 +136,11 @@ def _write_table(folder: Path, header: list[str], times_s: NDArray[np.float64], 
     _write_lines(folder / "data.csv", [",".join(["#timestamp [ns]", *header]), *lines])
 
 
-def _write_sensor(folder: Path, kind: str, *entries: str) -> None:
+def _write_sensor(folder: Path, kind: str, *entries: str, place: NDArray[np.float64] = _AT_BODY) -> None:
     folder.mkdir(parents=True, exist_ok=True)
-    _write_lines(folder / "sensor.yaml", [f"sensor_type: {kind}", _PLACE.rstrip(), *entries])
+    data = ", ".join(f"{number:.17g}" for number in place.ravel().tolist())
+    matrix = ["T_BS:", "  cols: 4", "  rows: 4", f"  data: [{data}]"]
+    _write_lines(folder / "sensor.yaml", [f"sensor_type: {kind}", *matrix, *entries])
 
 
 def _write_lines(path: Path, lines: Iterable[str]) -> None:

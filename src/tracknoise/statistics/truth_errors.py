@@ -69,6 +69,7 @@ from tracknoise.tables.schema import (
     TRUTH_QUANTITY,
     check,
     empty,
+    of_second_camera,
 )
 
 FLOOR_COLUMNS = ("floor_u", "floor_v")
@@ -196,7 +197,8 @@ def between_trackers(sequence: PreparedSequence) -> pl.DataFrame:
     trackers have tracks of the same corner. `block` is that of the track of `tracker`.
     """
     conditions = sequence.seen.conditions.with_row_index("row")
-    compared = conditions if sequence.slowest is None else conditions.filter(speed=sequence.slowest)
+    of_first = conditions.filter(~pl.col("tracker").is_in(of_second_camera(sequence.observations)))
+    compared = of_first if sequence.slowest is None else of_first.filter(speed=sequence.slowest)
     together = compared.partition_by([*SEQUENCE, "speed"], maintain_order=True)
     pairs = [pair for group in together for pair in combinations(group["row"].to_list(), 2)]
     positions = _Positions.of(sequence) if pairs else None

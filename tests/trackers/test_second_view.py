@@ -3,12 +3,17 @@
 import numpy as np
 import polars as pl
 import pytest
+from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError, SettingsError, TrackerError
 from tracknoise.experiments.measure import measure
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.sequences.kept_frames import KeptFrames
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import PAIR, of_first_camera, of_second_camera
+from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.second_view import SecondView
 from tracknoise.trackers.tracker_registry import make_tracker
 
@@ -105,9 +110,62 @@ def test_positions_in_the_first_camera_are_one_for_each_feature():
         measure(sequence(), {"wrong": Wrong()}, truth="raycast")
 
 
-@pytest.mark.parametrize("name", ["vins-fusion-stereo", "openvins-stereo"])
-def test_presets_find_features_in_the_second_camera(name):
+@pytest.mark.parametrize(
+    ("name", "most_px"),
+    [("vins-fusion-stereo", 0.15), ("openvins-stereo", 0.15), ("msckf-vio-stereo", 0.15), ("kimera-stereo", 0.8)],
+)
+def test_presets_find_features_in_the_second_camera(name, most_px):
     found = measure(sequence(), {name: make_tracker(name)}, truth="raycast")
     seen = found.observations.filter(truth="valid")
     assert seen.height > 100
-    assert max(seen.select(ERROR).row(0)) < 0.15
+    assert max(seen.select(ERROR).row(0)) < most_px
+
+
+def test_along_lines_there_are_no_errors_across_but_those_of_the_first_camera():
+    found = measure(sequence(), {"line": SecondView(search="line")}, truth="raycast")
+    seen = found.observations.filter(truth="valid")
+    assert seen.height > 1000
+    assert seen["across_px"].abs().max() < 1e-6
+    assert max(seen.select(ERROR).row(0)) < 0.2
+
+
+def test_whole_pixels_are_as_wrong_as_pixels_are_large():
+    whole = SecondView(search="line", line=LineSearch(precision="pixel"))
+    seen = measure(sequence(), {"whole": whole}, truth="raycast").observations.filter(truth="valid")
+    assert (seen["u_px"] - seen["u_px"].round()).abs().max() < 1e-6
+    assert 0.2 < seen["du_px"].abs().median() < 0.6
+
+
+def test_a_turned_camera_with_another_lens_is_searched_on_its_lines():
+    def image(camera, pose):
+        grid = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), axis=-1)
+        rays = camera.bearings(grid.reshape(-1, 2)) @ pose[:3, :3].T
+        scale = (4.0 - pose[2, 3]) / rays[:, 2]
+        x, y = (pose[:2, 3, None] + rays[:, :2].T * scale) * 9.0
+        waves = np.sin(x) * np.cos(1.3 * y) + np.sin(0.37 * x * y) + np.cos(2.1 * x + y)
+        return np.clip(128.0 + 40.0 * waves, 0, 255).astype(np.uint8).reshape(240, 320)
+
+    first, second = (
+        Camera(320, 240, 250.0, 250.0, 159.5, 119.5),
+        Camera(320, 240, 260.0, 255.0, 150.0, 122.0, (-0.1, 0.02, 0.0, 0.0)),
+    )
+    place = np.eye(4)
+    place[:3, :3] = Rotation.from_rotvec([0.01, -0.03, 0.04]).as_matrix()
+    place[:3, 3] = (0.3, 0.02, 0.01)
+    pair = StereoPair(first, second, place)
+    uv = np.random.default_rng(3).uniform((120.0, 60.0), (260.0, 180.0), (60, 2))
+    points = first.unproject(uv, np.full(60, 4.0))
+    true = second.project(transform(invert(place), points))
+    found = LineSearch(most_difference=0.2).of(pair).found((image(first, np.eye(4)), image(second, place)), uv)
+    good = np.isfinite(found).all(axis=1)
+    assert good.mean() > 0.8
+    assert np.median(np.linalg.norm(found - true, axis=1)[good]) < 0.25
+
+
+def test_cameras_one_ahead_of_the_other_have_no_lines_to_search():
+    ahead = np.eye(4)
+    ahead[2, 3] = 0.2
+    with pytest.raises(DataError, match="beside"):
+        LineSearch().of(
+            StereoPair(Camera(32, 24, 30.0, 30.0, 15.5, 11.5), Camera(32, 24, 30.0, 30.0, 15.5, 11.5), ahead)
+        )

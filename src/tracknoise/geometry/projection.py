@@ -192,6 +192,20 @@ def origins(rectified: Camera, camera: CameraModel, camera_from_rectified: NDArr
     return camera.project(rectified.bearings(np.stack([u, v], axis=-1)) @ camera_from_rectified.T)
 
 
+def rectifying_maps(
+    pair: Rectification, first: CameraModel, second: CameraModel
+) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
+    """Columns and rows (height, width), px, at which both images are read for the rectified ones, as OpenCV takes them.
+
+    Positions outside of an image are far outside.
+    """
+    maps = []
+    for camera, rotation in ((first, pair.first_from_rectified), (second, pair.second_from_rectified)):
+        finite = np.nan_to_num(origins(pair.camera, camera, rotation), nan=-1e4).astype(np.float32)
+        maps.append((np.ascontiguousarray(finite[..., 0]), np.ascontiguousarray(finite[..., 1])))
+    return tuple(maps)
+
+
 def _covering(first: CameraModel, first_from_rectified: NDArray[np.float64]) -> Camera:
     """The pinhole camera, with the focal length of the first camera, that covers what this sees."""
     on_axis, beside = first.project(np.array([[0.0, 0.0, 1.0], [_SMALL, 0.0, 1.0]]))

@@ -70,6 +70,10 @@ class StereoPair:
         depth_m = rays.range_m * rays.unit[:, 2]
         return np.where(np.isfinite(depth_m) & (rays.range_m > 0.0), depth_m, np.nan)
 
+    def at_infinity(self, first_uv: Array) -> Array:
+        """(n, 2): where the second camera shows points without parallax, of positions (n, 2) in the first, px."""
+        return self.second.project(self.first.bearings(first_uv) @ self.first_from_second[:3, :3])
+
     def px_per_angle(self, second_uv: Array) -> Array:
         """(n,): pixels of the second camera for a unit of angle, at positions (n, 2)."""
         rays = _unit(self.second.bearings(second_uv))

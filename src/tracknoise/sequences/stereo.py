@@ -15,7 +15,7 @@ from tracknoise.exceptions import DataError, first_line
 from tracknoise.geometry.accuracy import DepthAccuracy
 from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import PosePath
-from tracknoise.geometry.projection import Rectification, origins, rectify
+from tracknoise.geometry.projection import Rectification, origins, rectify, rectifying_maps
 from tracknoise.sequences.second_camera import second_image
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, path_of, second_of
 from tracknoise.sequences.views import View
@@ -122,13 +122,7 @@ class StereoDepth(View):
 
     @cached_property
     def _maps(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
-        """Columns and rows of both images at which the rectified ones are read."""
-        pair = self.pair
-        sides = (
-            (self.sequence.camera, pair.first_from_rectified),
-            (self.beside.camera, pair.second_from_rectified),
-        )
-        return tuple(_columns_and_rows(origins(pair.camera, camera, rotation)) for camera, rotation in sides)
+        return rectifying_maps(self.pair, self.sequence.camera, self.beside.camera)
 
     @cached_property
     def _shown(self) -> NDArray[np.bool_]:
@@ -146,12 +140,6 @@ class StereoDepth(View):
         inside = pair.camera.contains(uv)
         columns, rows = np.moveaxis(np.rint(np.where(inside[..., None], uv, 0.0)).astype(np.intp), -1, 0)
         return columns, rows, inside, np.where(inside, 1.0 / np.where(inside, rays[..., 2], 1.0), 1.0)
-
-
-def _columns_and_rows(uv: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """As OpenCV takes them; outside of the image where there is no position."""
-    finite = np.nan_to_num(uv, nan=-1e4).astype(np.float32)
-    return np.ascontiguousarray(finite[..., 0]), np.ascontiguousarray(finite[..., 1])
 
 
 def _matcher(disparities: int) -> cv2.StereoSGBM:

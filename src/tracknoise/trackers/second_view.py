@@ -18,6 +18,7 @@ from tracknoise.checks import Positive, require_bounds, settle_members
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
@@ -29,18 +30,26 @@ class Search(StrEnum):
     """Where features are searched that began before.
 
     first: in each image of the second camera anew, from the position in the first camera, as in VINS-Fusion. last: from
-    image to image of the second camera, as in OpenVINS and Basalt.
+    image to image of the second camera, as in OpenVINS and Basalt. line: anew along the epipolar line, as in Kimera.
     """
 
     first = "first"
     last = "last"
+    line = "line"
+
+
+class Start(StrEnum):
+    """Where the search from the first camera starts: at the same pixel, or where a point at infinity would be."""
+
+    same = "same"
+    infinity = "infinity"
 
 
 @dataclass(frozen=True, slots=True)
 class SecondView:
     """Settings of a tracker that finds the features of another one in the images of a second camera.
 
-    Positions are searched by pyramidal Lucas-Kanade.
+    Positions are searched by pyramidal Lucas-Kanade, but along lines by templates.
 
     Parameters
     ----------
@@ -50,6 +59,10 @@ class SecondView:
         Its options that differ from its defaults.
     search
         From where features are searched that began before: see `Search`.
+    start_at
+        Where a search from the first camera starts: see `Start`.
+    line
+        Of the search along lines: see `tracknoise.trackers.line_search.LineSearch`.
     window_px, extra_levels, iterations, epsilon
         As of `tracknoise.trackers.lucas_kanade.LucasKanade`.
     backward_px
@@ -69,6 +82,8 @@ class SecondView:
     of: str = "lucas-kanade"
     options: Mapping[str, object] = field(default_factory=dict)
     search: Search = Search.first
+    start_at: Start = Start.same
+    line: LineSearch = field(default_factory=LineSearch)
     window_px: Annotated[int, Ge(3), Le(LARGEST_WINDOW_PX)] = 21
     extra_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] = 3
     iterations: Annotated[int, Ge(1)] = 30
@@ -78,7 +93,7 @@ class SecondView:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     def __post_init__(self) -> None:
-        settle_members(self, search=Search)
+        settle_members(self, search=Search, start_at=Start)
         require_bounds(self)
 
     def start(self, context: SequenceContext) -> "SecondViewTracker":
@@ -103,6 +118,7 @@ class SecondViewTracker:
         self._settings, self._first, self._pair = settings, first, pair
         self._ids: NDArray[np.int64] = np.empty(0, np.int64)
         self._uv: Array = np.empty((0, 2))
+        self._on_lines = settings.line.of(pair) if settings.search is Search.line else None
         self._images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
 
     def step(self, frame: Frame) -> Step:
@@ -152,8 +168,8 @@ class SecondViewTracker:
         if goes_on.any() and self._images is not None:
             order = np.argsort(self._ids)
             before = self._uv[order[np.searchsorted(self._ids, ids[goes_on], sorter=order)]]
-            uv[goes_on] = self._followed(self._images[1], images[1], before)
-        uv[~goes_on] = self._followed(images[0], images[1], first_uv[~goes_on])
+            uv[goes_on] = self._followed(self._images[1], images[1], before, before)
+        uv[~goes_on] = self._searched(images, first_uv[~goes_on])
         found = np.flatnonzero(np.isfinite(uv).all(axis=1))
         found = found[self._pair.second.contains(uv[found])]
         end[found] = -1
@@ -162,11 +178,20 @@ class SecondViewTracker:
             end[found[off]] = TrackEnd.outlier
         return uv, end
 
-    def _followed(self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: Array) -> Array:
+    def _searched(self, images: tuple[NDArray[np.uint8], NDArray[np.uint8]], first_uv: Array) -> Array:
+        """(n, 2): positions in the second image of features of the first; NaN where not found."""
+        if self._on_lines is not None:
+            return self._on_lines.found(images, first_uv)
+        start = first_uv
+        if self._settings.start_at is Start.infinity:
+            start = self._pair.at_infinity(first_uv)
+        return self._followed(*images, first_uv, np.where(np.isfinite(start), start, first_uv))
+
+    def _followed(self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: Array, start: Array) -> Array:
         """(n, 2): positions in another image; NaN where not found."""
         if not len(uv):
             return uv
-        moved, found = self._aligned(source, target, uv.astype(np.float32), uv.astype(np.float32))
+        moved, found = self._aligned(source, target, uv.astype(np.float32), start.astype(np.float32))
         if self._settings.backward_px is not None:
             back, returned = self._aligned(target, source, moved, moved)
             found &= returned & (np.linalg.norm(back - uv, axis=1) <= self._settings.backward_px)

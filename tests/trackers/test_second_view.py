@@ -16,6 +16,9 @@ from tracknoise.tables.schema import PAIR, of_first_camera, of_second_camera
 from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.second_view import SecondView
 from tracknoise.trackers.tracker_registry import make_tracker
+from tracknoise.truth.beside import beside
+from tracknoise.truth.truth_registry import make_truth
+from tracknoise.truth.visibility import SequenceGeometry
 
 FRAMES = 10
 ERROR = pl.col("du_px").abs().median(), pl.col("dv_px").abs().median()
@@ -169,3 +172,29 @@ def test_cameras_one_ahead_of_the_other_have_no_lines_to_search():
         LineSearch().of(
             StereoPair(Camera(32, 24, 30.0, 30.0, 15.5, 11.5), Camera(32, 24, 30.0, 30.0, 15.5, 11.5), ahead)
         )
+
+
+def test_imported_positions_in_both_cameras_are_joined_by_the_names_of_tracks(tmp_path):
+    made = sequence()
+    points = np.random.default_rng(5).uniform((90.0, 60.0), (240.0, 180.0), (40, 2))
+    truth = make_truth(made, "raycast")
+    world, _ = truth.anchor(0, points)
+    side = SequenceGeometry(beside(made))
+    rows = []
+    for frame in range(FRAMES):
+        for camera, uv in ((0, truth.project(frame, world)), (1, side.project(frame, world) + np.array([0.25, 0.0]))):
+            rows += [
+                {"track": 3 * name + 7, "frame": frame, "camera": camera, "u": u, "v": v}
+                for name, (u, v) in enumerate(uv.tolist())
+                if not (camera == 1 and name % 4 == 0 and frame > 4) and np.isfinite(u)
+            ]
+    file = tmp_path / "tracks.csv"
+    pl.DataFrame(rows).write_csv(file)
+    options = {"path": str(file), "camera": 0}
+    tracker = SecondView(of="imported", options=options, second={"camera": 1}, search="imported")
+    seen = measure(made, {"mine": tracker}, truth="raycast").observations.filter(truth="valid")
+    assert seen["du_px"].median() == pytest.approx(0.25, abs=1e-6)
+    assert seen["first_du_px"].abs().max() < 1e-6
+    assert seen.filter(pl.col("frame") > 4).height < 0.8 * seen.filter(pl.col("frame") <= 4).height
+    with pytest.raises(SettingsError, match="imported, as search"):
+        SecondView(search="imported")

@@ -71,6 +71,16 @@ class ImportedTracker:
         """See `tracknoise.trackers.tracker.PointTracker`; None where positions are refined."""
         return self._tracks.points if self._refiner is None else None
 
+    def names_of(self, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+        """What the file calls features that are alive, (n,) by their ids."""
+        order = np.argsort(self._features.ids)
+        return self._names[order[np.searchsorted(self._features.ids, ids, sorter=order)]]
+
+    def rows_of(self, index: int) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+        """Names (n,) of the tracks in a frame, ascending, and their positions (n, 2), px."""
+        start, stop = np.searchsorted(self._tracks.frame, [index, index + 1])
+        return self._tracks.track[start:stop], self._tracks.uv[start:stop]
+
     def step(self, frame: Frame) -> Step:
         """Report the rows of a frame."""
         if frame.index in self._tracks.silent:

@@ -5,7 +5,7 @@ there in every frame, it goes on; a feature that is not found when it begins has
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated, ClassVar
 
@@ -14,10 +14,11 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require_bounds, settle_members
+from tracknoise.checks import Positive, require, require_bounds, settle_members
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
 from tracknoise.trackers.preprocessing import Preprocessing
@@ -31,11 +32,13 @@ class Search(StrEnum):
 
     first: in each image of the second camera anew, from the position in the first camera, as in VINS-Fusion. last: from
     image to image of the second camera, as in OpenVINS and Basalt. line: anew along the epipolar line, as in Kimera.
+    imported: not at all; both positions are imported, and tracks have the same names for both cameras.
     """
 
     first = "first"
     last = "last"
     line = "line"
+    imported = "imported"
 
 
 class Start(StrEnum):
@@ -63,6 +66,8 @@ class SecondView:
         Where a search from the first camera starts: see `Start`.
     line
         Of the search along lines: see `tracknoise.trackers.line_search.LineSearch`.
+    second
+        Options of the imported tracks in the second camera that differ from `options`, such as ``camera``.
     window_px, extra_levels, iterations, epsilon
         As of `tracknoise.trackers.lucas_kanade.LucasKanade`.
     backward_px
@@ -84,6 +89,7 @@ class SecondView:
     search: Search = Search.first
     start_at: Start = Start.same
     line: LineSearch = field(default_factory=LineSearch)
+    second: Mapping[str, object] = field(default_factory=dict)
     window_px: Annotated[int, Ge(3), Le(LARGEST_WINDOW_PX)] = 21
     extra_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] = 3
     iterations: Annotated[int, Ge(1)] = 30
@@ -95,27 +101,56 @@ class SecondView:
     def __post_init__(self) -> None:
         settle_members(self, search=Search, start_at=Start)
         require_bounds(self)
+        is_imported = self.search is Search.imported
+        require(self.of == "imported" or not is_imported, "of", self.of, 'imported, as search = "imported"')
+        require(is_imported or not self.second, "second", dict(self.second), 'nothing without search = "imported"')
 
     def start(self, context: SequenceContext) -> "SecondViewTracker":
         """Start the tracker on one sequence at one speed."""
         if context.pair is None:
             raise DataError(context.sequence.scene, "one camera", f"a second one, for the tracker {self.kind!r}")
-        return SecondViewTracker(self, self._first().start(context), context.pair)
+        first = self._made(self.options).start(context)
+        reported = None
+        if isinstance(first, ImportedTracker) and self.search is Search.imported:
+            camera = context.pair.second
+            beside = replace(context, size=(camera.width, camera.height), camera_at=lambda _: camera)
+            other = self._made({**self.options, **self.second}).start(beside)
+            assert isinstance(other, ImportedTracker), "of the same kind"
+            reported = _Reported(first, other)
+        return SecondViewTracker(self, first, context.pair, reported)
 
-    def _first(self) -> TrackerSettings:
+    def _made(self, options: Mapping[str, object]) -> TrackerSettings:
         from tracknoise.trackers.tracker_registry import make_tracker  # which lists this tracker
 
-        settings = make_tracker(self.of, self.options)
+        settings = make_tracker(self.of, options)
         if isinstance(settings, SecondView):
             raise SettingsError(f"of = {self.of!r}, expected a tracker of one camera")
         return settings
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Reported:
+    """Imported tracks of both cameras."""
+
+    first: ImportedTracker
+    second: ImportedTracker
+
+    def found(self, index: int, ids: NDArray[np.int64]) -> Array:
+        """(n, 2): positions in the second camera of features of the first by their ids; NaN where it has none."""
+        names, (named, uv) = self.first.names_of(ids), self.second.rows_of(index)
+        place = np.searchsorted(named, names)
+        there = np.flatnonzero(place < len(named))
+        there = there[named[place[there]] == names[there]]
+        found = np.full((len(ids), 2), np.nan)
+        found[there] = uv[place[there]]
+        return found
+
+
 class SecondViewTracker:
     """The tracker on one sequence: its positions are those in the second camera, and `Step.first_uv` the others."""
 
-    def __init__(self, settings: SecondView, first: Tracker, pair: StereoPair) -> None:
-        self._settings, self._first, self._pair = settings, first, pair
+    def __init__(self, settings: SecondView, first: Tracker, pair: StereoPair, reported: _Reported | None) -> None:
+        self._settings, self._first, self._pair, self._reported = settings, first, pair, reported
         self._ids: NDArray[np.int64] = np.empty(0, np.int64)
         self._uv: Array = np.empty((0, 2))
         self._on_lines = settings.line.of(pair) if settings.search is Search.line else None
@@ -127,7 +162,11 @@ class SecondViewTracker:
         alive = np.isin(first.ids, self._ids)
         rows = np.flatnonzero(alive | first.born)
         images = self._prepared(frame)
-        found_uv, end = self._found(images, first.uv[rows], first.ids[rows], alive[rows])
+        if self._reported is None:
+            found_uv = self._tracked(images, first.uv[rows], first.ids[rows], alive[rows])
+        else:
+            found_uv = self._reported.found(frame.index, first.ids[rows])
+        end = self._ends(first.uv[rows], found_uv)
         kept, going = end < 0, alive[rows]
         shown = rows[kept]
         lost = rows[~kept & going]
@@ -156,27 +195,35 @@ class SecondViewTracker:
         second, prepared = frame.second, self._settings.preprocessing.applied
         return None if second is None else (prepared(frame).image, prepared(Frame(frame.index, second)).image)
 
-    def _found(
-        self, images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None, first_uv: Array, ids: NDArray[np.int64],
+    def _tracked(
+        self,
+        images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None,
+        first_uv: Array,
+        ids: NDArray[np.int64],
         alive: NDArray[np.bool_],
-    ) -> tuple[Array, NDArray[np.int8]]:  # fmt: skip
-        """Positions (n, 2) in the second image, and why features end, (n,); -1 of those that are found."""
-        uv, end = np.full(first_uv.shape, np.nan), np.full(len(first_uv), TrackEnd.lost, np.int8)
+    ) -> Array:
+        """(n, 2): positions in the second image; NaN where not found."""
+        uv = np.full(first_uv.shape, np.nan)
         if images is None:
-            return uv, end
+            return uv
         goes_on = alive & (self._settings.search is Search.last) & (self._images is not None)
         if goes_on.any() and self._images is not None:
             order = np.argsort(self._ids)
             before = self._uv[order[np.searchsorted(self._ids, ids[goes_on], sorter=order)]]
             uv[goes_on] = self._followed(self._images[1], images[1], before, before)
         uv[~goes_on] = self._searched(images, first_uv[~goes_on])
+        return uv
+
+    def _ends(self, first_uv: Array, uv: Array) -> NDArray[np.int8]:
+        """(n,): why features end at these positions; -1 of those that go on."""
+        end = np.full(len(uv), TrackEnd.lost, np.int8)
         found = np.flatnonzero(np.isfinite(uv).all(axis=1))
         found = found[self._pair.second.contains(uv[found])]
         end[found] = -1
         if self._settings.epipolar_px is not None:
             off = np.abs(self._pair.epipolar_px(first_uv[found], uv[found])) > self._settings.epipolar_px
             end[found[off]] = TrackEnd.outlier
-        return uv, end
+        return end
 
     def _searched(self, images: tuple[NDArray[np.uint8], NDArray[np.uint8]], first_uv: Array) -> Array:
         """(n, 2): positions in the second image of features of the first; NaN where not found."""

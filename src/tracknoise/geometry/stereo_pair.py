@@ -52,6 +52,13 @@ class StereoPair:
             range_m = unit @ t + length / np.tan(parallax)
         return PairRays(unit, towards, across, parallax, range_m)
 
+    def parallax(self, rays: PairRays, inverse_m: Array) -> Array:
+        """(n,): parallax, rad, of points of inverse distances (n,), 1/m, on rays of the first camera."""
+        t = self.first_from_second[:3, 3]
+        ahead = rays.unit @ t
+        across = np.linalg.norm(ahead[:, None] * rays.unit - t, axis=1)
+        return np.asarray(np.arctan2(across * inverse_m, 1.0 - inverse_m * ahead))
+
     def epipolar_px(self, first_uv: Array, second_uv: Array) -> Array:
         """(n,): signed distances, px, of positions (n, 2) in the second image from epipolar lines of the first."""
         return self.px_per_angle(second_uv) * self.rays(first_uv, second_uv).across

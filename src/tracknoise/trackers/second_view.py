@@ -22,7 +22,15 @@ from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
 from tracknoise.trackers.preprocessing import Preprocessing
-from tracknoise.trackers.tracker import Frame, SequenceContext, Step, Tracker, TrackerSettings
+from tracknoise.trackers.tracker import (
+    Frame,
+    SequenceContext,
+    Step,
+    Tracker,
+    TrackerSettings,
+    begins_anywhere,
+    needs_frames_only,
+)
 
 Array = NDArray[np.float64]
 
@@ -104,6 +112,16 @@ class SecondView:
         is_imported = self.search is Search.imported
         require(self.of == "imported" or not is_imported, "of", self.of, 'imported, as search = "imported"')
         require(is_imported or not self.second, "second", dict(self.second), 'nothing without search = "imported"')
+
+    @property
+    def needs_frames_only(self) -> bool:
+        """As the tracker of the first camera: see `tracknoise.trackers.tracker.needs_frames_only`."""
+        return needs_frames_only(self._made(self.options))
+
+    @property
+    def begins_anywhere(self) -> bool:
+        """As the tracker of the first camera: see `tracknoise.trackers.tracker.begins_anywhere`."""
+        return begins_anywhere(self._made(self.options))
 
     def start(self, context: SequenceContext) -> "SecondViewTracker":
         """Start the tracker on one sequence at one speed."""

@@ -1,14 +1,12 @@
 """Whether the second camera of a recording is where it is said to be, by points that both cameras see.
 
-Let r be the unit ray of a point in the first camera, d that in the second, turned into the frame of the first, t the
-position of the second camera there, and q the inverse distance of the point. In the directions m, opposite to the part
-of t across r, and n = r x m, small angles are
+Residuals are distances from epipolar lines, and differences along them between the parallax that is seen and that of
+the depth of a point, where a depth map or the poses tell it (`tracknoise.geometry.stereo_pair`):
 
-    across = d . n,    along = (d - e) . m,    e = (r - t q) / |r - t q|    (rig.residual)
+    across,    parallax - atan2(|t x r| q, 1 - q t . r)    (rig.residual)
 
-and 0 without errors. q is known where a depth map or the poses tell it. Residuals are angles, times the pixels of the
-second camera for a unit of angle. Turns of the second camera, a factor of t and a delay of its images, in frames, are
-fitted to both together.
+q is the inverse distance of the point. Residuals are angles, times the pixels of the second camera for a unit of angle.
+Turns of the second camera, a factor of t and a delay of its images, in frames, are fitted to both together.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,9 +20,9 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.sequences.second_camera import second_image
 from tracknoise.sequences.sequence import SecondCamera, Sequence, camera_at, second_of
 from tracknoise.sequences.stereo import StereoDepth
@@ -51,7 +49,6 @@ _LEAST_TURN_PX, _LEAST_SCALE, _LEAST_DELAY_PX = 1.0, 0.02, 0.3
 """Sizes of faults that count: what a turn and a delay move, and a relative error of the baseline."""
 _LEAST_MOVES_PX = 0.1
 """Moves from image to image that show a delay."""
-_UNIT_ANGLE = 1e-4
 _ROUNDS, _LEAST_PX = 3, 0.2
 _PRIOR = np.array([0.1, 0.1, 0.1, 1.0, 5.0])
 """Sizes of faults that are no surprise, which decide only what the images do not."""
@@ -89,52 +86,25 @@ class _Points:
         return float(np.nanmedian(length)) if np.isfinite(length).any() else 0.0
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rig:
-    """Two cameras, and which of the images are theirs."""
+def _residuals_px(rig: StereoPair, points: _Points, fault: Array) -> tuple[Array, Array, Array]:
+    """(rig.residual), px, with a fault undone: across and along, NaN without a depth; and the parallax.
 
-    first: CameraModel
-    second: CameraModel
-    first_from_second: Array
+    This is negative where a point is behind the cameras.
+    """
+    moved = rig.first_from_second.copy()
+    moved[:3, :3] = moved[:3, :3] @ Rotation.from_rotvec(fault[:3]).as_matrix()
+    moved[:3, 3] *= np.exp(fault[3])
+    undone = replace(rig, first_from_second=moved)
+    rays = undone.rays(points.first_uv, points.second_uv - fault[4] * np.nan_to_num(points.moves))
+    per_angle = rig.px_per_angle(points.second_uv)
+    expected = undone.parallax(rays, points.inverse_m * rays.unit[:, 2])
+    return per_angle * rays.across, per_angle * (rays.parallax - expected), per_angle * rays.parallax
 
-    def residuals(self, points: _Points, fault: Array) -> tuple[Array, Array, Array]:
-        """(rig.residual), px, with a fault undone: across and along, NaN without a depth; and how far in front.
 
-        The last is the angle from a point at infinity, in px; negative where the point is behind the cameras.
-        """
-        scaled_z = np.where(np.isfinite(points.inverse_m), points.inverse_m, 0.0)
-        rays = self.first.bearings(points.first_uv)
-        length = np.linalg.norm(rays, axis=1, keepdims=True)
-        unit, per_range = rays / length, scaled_z / (length[:, 0] / np.abs(rays[:, 2]))
-        delay = fault[4] * np.nan_to_num(points.moves)
-        other = self.second.bearings(points.second_uv - delay)
-        other /= np.linalg.norm(other, axis=1, keepdims=True)
-        rotation = self.first_from_second[:3, :3] @ Rotation.from_rotvec(fault[:3]).as_matrix()
-        seen = other @ rotation.T
-        t = self.first_from_second[:3, 3] * np.exp(fault[3])
-        towards = (unit @ t)[:, None] * unit - t
-        towards /= np.linalg.norm(towards, axis=1, keepdims=True)
-        normal = np.cross(unit, towards)
-        predicted = unit - t * per_range[:, None]
-        predicted /= np.linalg.norm(predicted, axis=1, keepdims=True)
-        per_angle = self.px_per_angle(points.second_uv)
-        parallax = np.sum(seen * towards, axis=1)
-        along = np.where(np.isfinite(points.inverse_m), parallax - np.sum(predicted * towards, axis=1), np.nan)
-        across = np.sum(seen * normal, axis=1)
-        return per_angle * across, per_angle * along, per_angle * parallax
-
-    def misfit_px(self, points: _Points, fault: Array = np.zeros(5)) -> float:  # noqa: B008
-        """Median distance of points from where they can be, px: in front of both cameras, at their depth if known."""
-        across, along, parallax = self.residuals(points, fault)
-        return float(np.nanmedian(np.hypot(across, np.where(np.isnan(along), np.minimum(parallax, 0.0), along))))
-
-    def px_per_angle(self, uv: Array) -> Array:
-        """(n,): pixels of the second camera for a unit of angle, at positions (n, 2)."""
-        rays = self.second.bearings(uv)
-        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-        moved = [self.second.project(rays @ Rotation.from_rotvec(_UNIT_ANGLE * axis).as_matrix()) for axis in np.eye(3)]
-        areas = np.sum([np.sum((one - uv) ** 2, axis=1) for one in moved], axis=0) / (2.0 * _UNIT_ANGLE**2)
-        return np.asarray(np.sqrt(areas))
+def _misfit_px(rig: StereoPair, points: _Points, fault: Array = np.zeros(5)) -> float:  # noqa: B008
+    """Median distance of points from where they can be, px: in front of both cameras, at their depth if known."""
+    across, along, parallax = _residuals_px(rig, points, fault)
+    return float(np.nanmedian(np.hypot(across, np.where(np.isnan(along), np.minimum(parallax, 0.0), along))))
 
 
 def second_camera(sequence: Sequence) -> Item | None:
@@ -153,8 +123,8 @@ def second_camera(sequence: Sequence) -> Item | None:
     if len(points.frame) < _FEWEST_POINTS or len(np.unique(points.frame)) < _FEWEST_FRAMES:
         text = "The second camera cannot be checked: too few points are seen by both."
         return Item(TOPIC, Severity.unknown, text, {"n_points": len(points.frame)})
-    fitted, given_px = _Fitted.of(pair.rig, points), pair.rig.misfit_px(points)
-    undone = [(one.misfit_px(points), name) for name, one in pair.mistakes()]
+    fitted, given_px = _Fitted.of(pair.rig, points), _misfit_px(pair.rig, points)
+    undone = [(_misfit_px(one, points), name) for name, one in pair.mistakes()]
     least_px = min(undone)[0]
     if given_px > _MOST_PX and least_px <= min(_MOST_GAIN * given_px, fitted.left_px / _ALIKE):
         names = [name for px, name in undone if px <= least_px / _ALIKE]
@@ -167,7 +137,7 @@ class _Pair:
 
     def __init__(self, sequence: Sequence, second: SecondCamera) -> None:
         self.sequence, self.second = sequence, second
-        self.rig = _Rig(sequence.camera, second.camera, second.first_from_second)
+        self.rig = StereoPair(sequence.camera, second.camera, second.first_from_second)
         self._geometry = SequenceGeometry(sequence)
         self._sift = cv2.SIFT_create(_FEATURES)  # type: ignore[attr-defined]
         # of depth from the pair: with these both cameras agree whatever is wrong
@@ -204,13 +174,13 @@ class _Pair:
         names = ("frame", "first_uv", "second_uv", "moves", "inverse_m")
         return _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
-    def mistakes(self) -> Iterator[tuple[str, _Rig]]:
+    def mistakes(self) -> Iterator[tuple[str, StereoPair]]:
         """What may be wrong with the rig, and the rig without it."""
         given, back = self.rig, invert(self.rig.first_from_second)
         opposite, turned_back = given.first_from_second.copy(), given.first_from_second.copy()
         opposite[:3, 3] *= -1.0
         turned_back[:3, :3] = turned_back[:3, :3].T
-        yield "the images of both cameras are swapped", _Rig(given.second, given.first, back)
+        yield "the images of both cameras are swapped", StereoPair(given.second, given.first, back)
         yield "the transformation between the cameras is inverted", replace(given, first_from_second=back)
         yield "the baseline has the wrong sign", replace(given, first_from_second=opposite)
         yield "the rotation between the cameras is inverted", replace(given, first_from_second=turned_back)
@@ -289,14 +259,14 @@ class _Fitted:
     left_px: float  # median residual with them undone
 
     @classmethod
-    def of(cls, rig: _Rig, points: _Points) -> "_Fitted":
+    def of(cls, rig: StereoPair, points: _Points) -> "_Fitted":
         """Add the fault that explains most, as long as one is clear."""
         possible = [_Fault.turn]
         possible += [_Fault.scale] if np.isfinite(points.inverse_m).sum() >= _FEWEST_POINTS else []
         possible += [_Fault.delay] if points.moves_px > _LEAST_MOVES_PX else []
         scale_px = max(_fit(rig, points, possible)[1], _LEAST_PX)
         faults: dict[_Fault, tuple[_Fault, ...]] = {}
-        now = cls(faults, np.zeros(5), np.zeros(5), rig.misfit_px(points))
+        now = cls(faults, np.zeros(5), np.zeros(5), _misfit_px(rig, points))
         cost = _cost(rig, points, now.value, scale_px)
         while rest := [fault for fault in possible if fault not in faults]:
             tried = {fault: _fit(rig, points, [*faults, fault], scale_px)[0] for fault in rest}
@@ -306,24 +276,26 @@ class _Fitted:
             if not _counts(best, tried[best], sigma, points, rig):
                 break
             faults[best] = tuple(one for one in rest if one is not best and gains[one] >= _ALIKE * gains[best])
-            now = cls(faults, tried[best], sigma, rig.misfit_px(points, tried[best]))
+            now = cls(faults, tried[best], sigma, _misfit_px(rig, points, tried[best]))
             cost -= gains[best]
         return now
 
 
-def _residuals(rig: _Rig, points: _Points, fault: Array) -> Array:
-    across, along, _ = rig.residuals(points, fault)
+def _residuals(rig: StereoPair, points: _Points, fault: Array) -> Array:
+    across, along, _ = _residuals_px(rig, points, fault)
     return np.concatenate([across, along[np.isfinite(along)]])
 
 
-def _cost(rig: _Rig, points: _Points, fault: Array, scale_px: float) -> float:
+def _cost(rig: StereoPair, points: _Points, fault: Array, scale_px: float) -> float:
     return float(np.log1p((_residuals(rig, points, fault) / scale_px) ** 2).sum())
 
 
-def _fit(rig: _Rig, points: _Points, faults: Iterable[_Fault], scale_px: float | None = None) -> tuple[Array, float]:
+def _fit(
+    rig: StereoPair, points: _Points, faults: Iterable[_Fault], scale_px: float | None = None
+) -> tuple[Array, float]:
     """Some faults, (5,), that fit best, and the median residual; its own scale is found where none is given, px."""
     free = np.concatenate([np.arange(5)[_PLACES[fault]] for fault in faults])
-    value, left_px = np.zeros(5), rig.misfit_px(points)
+    value, left_px = np.zeros(5), _misfit_px(rig, points)
 
     def residuals(part: Array) -> Array:
         return np.concatenate([_residuals(rig, points, _placed(free, part)), part])
@@ -332,7 +304,7 @@ def _fit(rig: _Rig, points: _Points, faults: Iterable[_Fault], scale_px: float |
         used_px = scale_px or max(left_px, _LEAST_PX)
         found = least_squares(residuals, value[free] / _PRIOR[free], loss="cauchy", f_scale=used_px)
         value = _placed(free, found.x)
-        left_px = rig.misfit_px(points, value)
+        left_px = _misfit_px(rig, points, value)
     return value, left_px
 
 
@@ -342,13 +314,13 @@ def _placed(free: NDArray[np.intp], part: Array) -> Array:
     return value
 
 
-def _jackknife(rig: _Rig, points: _Points, faults: list[_Fault], value: Array, scale_px: float) -> Array:
+def _jackknife(rig: StereoPair, points: _Points, faults: list[_Fault], value: Array, scale_px: float) -> Array:
     frames = np.unique(points.frame)
     without = np.array([_fit(rig, points.chosen(points.frame != one), faults, scale_px)[0] for one in frames])
     return np.asarray(np.sqrt((len(frames) - 1) / len(frames) * np.sum((without - value) ** 2, axis=0)))
 
 
-def _counts(fault: _Fault, value: Array, sigma: Array, points: _Points, rig: _Rig) -> bool:
+def _counts(fault: _Fault, value: Array, sigma: Array, points: _Points, rig: StereoPair) -> bool:
     """Whether a fault is clear, and large enough to matter."""
     places = _PLACES[fault]
     if not (np.abs(value[places]) > _SIGMAS * sigma[places]).any():

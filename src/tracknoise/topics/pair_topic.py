@@ -7,7 +7,10 @@ from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTa
 from tracknoise.topics.topic import NO_ROWS, Topic, pooled
 from tracknoise.words import format_estimate
 
-_INDEPENDENT = 0.1
+_CLOSING = (
+    "Where errors in both cameras correlate, both positions of a feature are no independent measurements. "
+    "z is the depth in metres. What hides a point from the second camera alone is not known."
+)
 
 
 def pairs(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -16,7 +19,7 @@ def pairs(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     return conditions.headline(
         lambda tracker: _pair_of(conditions.of(tables[table.name], tracker).to_dicts(), tracker),
         opening=f"Second camera {conditions.where(tables)}.",
-        closing="z is the depth in metres. What hides a point from the second camera alone is not known.",
+        closing=_CLOSING,
         figure="error-by-tracker",
         table=table.name,
     )
@@ -41,8 +44,6 @@ def _pair_of(rows: list[dict[str, object]], tracker: str) -> Part | None:
         sentences.append(
             f"Errors in both cameras have a correlation of {' in u and '.join(map(format_estimate, shared))} in v."
         )
-        if any(one.above(_INDEPENDENT) for one in shared):
-            sentences.append("So both positions of a feature are no independent measurements.")
     if "depth_sd_square" in found:
         constant, square = found["depth_sd_constant"], found["depth_sd_square"]
         sentences.append(

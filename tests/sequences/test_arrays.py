@@ -113,3 +113,31 @@ def test_a_wrong_array_is_named(change, message):
 def test_a_camera_with_another_model_is_taken_as_it_is():
     camera = Camera(64, 48, 60.0, 60.0, 31.5, 23.5, (0.1, 0.0, 0.0, 0.0))
     assert tn.Sequence.from_arrays(pictures(), POSES, camera).camera is camera
+
+
+def test_a_second_camera():
+    images, place = [np.full((48, 64), index, np.uint8) for index in range(3)], np.eye(4)
+    place[0, 3] = 0.1
+    made = tn.Sequence.from_arrays(
+        images, [np.eye(4)] * 3, K, second_images=[images[0], None, images[2]], second_K=K, first_from_second=place
+    )
+    assert made.second.images(1) is None
+    assert made.second.images(2).max() == 2
+    np.testing.assert_array_equal(made.second.first_from_second, place)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"second_K": None}, "no second_K"),
+        ({"second_images": [np.zeros((48, 64), np.uint8)]}, "1 second_images"),
+        ({"second_images": [None] * 3}, "no second_images"),
+        ({"first_from_second": np.eye(3)}, r"shape \(3, 3\)"),
+        ({"first_from_second": np.diag([2.0, 2.0, 2.0, 1.0])}, "first_from_second"),
+    ],
+)
+def test_a_second_camera_that_is_wrong_is_refused(changed, message):
+    images = [np.zeros((48, 64), np.uint8)] * 3
+    given = {"second_images": images, "second_K": K, "first_from_second": np.eye(4), **changed}
+    with pytest.raises(DataError, match=message):
+        tn.Sequence.from_arrays(images, [np.eye(4)] * 3, K, **given)

@@ -217,3 +217,33 @@ def test_the_real_samples(sample, name, frames, size):
     assert sequence.notes == ()
     assert sequence.image(frames - 1).shape == size
     assert sequence.depth(frames - 1).depth_m.shape == size
+
+
+@pytest.mark.parametrize(
+    ("first", "other", "aside_m"),
+    [("left", "right", 0.25), ("right", "left", -0.25), ("lcam_front", "rcam_front", 0.25)],
+)
+def test_the_other_eye_is_the_second_camera(tmp_path, write_tartanair, first, other, aside_m):
+    folder = write_tartanair(tmp_path / "P000", camera=first)
+    assert only(tmp_path, camera=first).second is None
+    write_tartanair(tmp_path / "other", camera=other)
+    for part in (f"image_{other}", f"pose_{other}.txt"):
+        (tmp_path / "other" / part).rename(folder / part)
+    rows = [f"{0.5 * index} {aside_m} 0 0 0 0 1\n" for index in range(3)]
+    (folder / f"pose_{other}.txt").write_text("".join(rows))  # y is right in NED
+    sequence = only(tmp_path, camera=first)
+    expected = np.eye(4)
+    expected[0, 3] = aside_m
+    np.testing.assert_allclose(sequence.second.first_from_second, expected, atol=1e-12)
+    assert sequence.second.images(1).shape == sequence.image(1).shape
+    (folder / f"image_{other}" / f"000001_{other}.png").unlink()
+    assert only(tmp_path, camera=first).second is None
+
+
+def test_a_camera_ahead_is_no_second_one(tmp_path, write_tartanair):
+    folder = write_tartanair(tmp_path / "P000")
+    write_tartanair(tmp_path / "other", camera="right")
+    for part in ("image_right", "pose_right.txt"):
+        (tmp_path / "other" / part).rename(folder / part)
+    (folder / "pose_right.txt").write_text("".join(f"{0.5 * index + 0.25} 0 0 0 0 0 1\n" for index in range(3)))
+    assert only(tmp_path, camera="left").second is None

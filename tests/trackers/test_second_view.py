@@ -69,6 +69,8 @@ def test_errors_grow_only_where_features_are_followed_from_image_to_image(measur
 def test_a_feature_ends_where_it_is_not_found(measured):
     of_first, of_second = (measured.tracks.filter(tracker=name).height for name in ("first", "anew"))
     assert 0.5 * of_first < of_second < of_first
+    share = f"{100.0 * of_second / of_first:.1f}"
+    assert any(f"{share} % of {of_first:,} features" in note.replace("\u00a0", " ") for note in measured.notes)
     ends = measured.tracks.filter(tracker="anew")["end"].cast(pl.String)
     assert {"lost", "outlier", "sequence_end"} >= {*ends.drop_nulls()} - {"masked", "displaced"}
 

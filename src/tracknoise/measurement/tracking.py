@@ -149,7 +149,7 @@ class _Pass:
             )
             for condition in conditions
         ]
-        self._notes = _notes(conditions, [run.tracker for run in self.runs])
+        self._conditions = conditions
         self._points = _points(conditions, [run.tracker for run in self.runs])
         self._snapshot_frame = snapshot_frame
         self._snapshot: NDArray[np.uint8] = np.empty((0, 0), np.uint8)
@@ -166,6 +166,7 @@ class _Pass:
 
     def finish(self) -> TrackingResult:
         """What was recorded, and the true positions. What each tracker setup collected is released at once."""
+        notes = _notes(self._conditions, [run.tracker for run in self.runs])
         recordings, positions, second = [], [], []
         while self.runs:
             run = self.runs.pop(0)
@@ -177,7 +178,7 @@ class _Pass:
             positions,
             self._snapshot_frame,
             self._snapshot,
-            self._notes,
+            notes,
             second or None,
             self._images,
             self._points,

@@ -43,6 +43,7 @@ from tracknoise.sequences.kitti_files import (
     read_camera_from_velodyne,
     read_records,
     read_scan,
+    read_second_camera,
     read_timestamps,
     recording_of,
 )
@@ -241,6 +242,7 @@ class Kitti:
             pose_accuracy=accuracy.pose,
             truth_accuracy=accuracy.truth,
             group=recording_of(sequence.scene),
+            second=read_second_camera(drive, frames.numbers),
             z_depth_from=z_depth_from(frames.depths),
         )
 

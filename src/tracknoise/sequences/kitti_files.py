@@ -31,9 +31,12 @@ from scipy.spatial.transform import Rotation
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, read_bytes, read_text
 from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.pose import invert
+from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import checked_poses, no_poses, read_rows, require_near
+from tracknoise.sequences.recorded import ImageFiles
 from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken
-from tracknoise.sequences.sequence import require_directory
+from tracknoise.sequences.sequence import SecondCamera, require_directory
 from tracknoise.text import counted, counted_of
 
 IMAGES, OXTS, VELODYNE = "image_02", "oxts", "velodyne_points"
@@ -231,6 +234,7 @@ def _numbers(place: str, key: str, fields: list[str], count: int) -> NDArray[np.
 
 
 _SIZE, _RECTIFY, _PROJECT = "S_rect_02", "R_rect_00", "P_rect_02"
+_SECOND_IMAGES, _SECOND_PROJECT = "image_03", "P_rect_03"
 
 
 def read_camera(day: Path) -> Camera:
@@ -242,6 +246,23 @@ def read_camera(day: Path) -> Camera:
         raise DataError(path, f"{_SIZE} of {width:g} {height:g}", "the images' width and height, px")
     (fx, _, cx), (_, fy, cy), _ = projection(path, values, _PROJECT)[:, :3].tolist()
     return Camera(int(width), int(height), fx, fy, cx, cy)
+
+
+def read_second_camera(drive: Drive, numbers: range) -> SecondCamera | None:
+    """Camera 3 beside camera 2; None where its calibration, or an image of a frame, is missing."""
+    images = _numbered(drive.folder / _SECOND_IMAGES / "data", r"(\d+)\.(?:png|jpe?g)")
+    if not images.keys() >= {*numbers}:
+        return None
+    path, paths = drive.day / CAM_TO_CAM, tuple(images[number] for number in numbers)
+    try:
+        values = read_values(path, {_PROJECT: 12, _SECOND_PROJECT: 12})
+    except DataError:  # of one camera only
+        return None
+    first, second = (projection(path, values, key) for key in (_PROJECT, _SECOND_PROJECT))
+    (fx, _, cx), (_, fy, cy), _ = second[:, :3].tolist()
+    camera = Camera(*image_size(first_readable(paths)), fx, fy, cx, cy)
+    first_from_second = camera_from_reference(first) @ invert(camera_from_reference(second))
+    return SecondCamera(camera, first_from_second, ImageFiles(paths, camera))
 
 
 def read_camera_from_velodyne(day: Path) -> NDArray[np.float64]:

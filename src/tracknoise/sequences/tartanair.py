@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError, UnknownNameError
 from tracknoise.geometry.accuracy import EXACT_POSE, DepthAccuracy
 from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.pose import invert
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
 from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
-from tracknoise.sequences.sequence import NED_AXES
+from tracknoise.sequences.sequence import NED_AXES, SecondCamera
 from tracknoise.tables.identity import SequenceId
 
 SKY_M = 10_000.0
@@ -61,6 +62,12 @@ _SIDES = ("front", "back", "left", "right", "top", "bottom")
 _VERSIONS = {
     **dict.fromkeys(("left", "right"), _V1),
     **dict.fromkeys((f"{eye}cam_{side}" for eye in "lr" for side in _SIDES), _V2),
+}
+
+_OTHER_EYE = {
+    "left": "right",
+    "right": "left",
+    **{f"{eye}cam_{side}": f"{other}cam_{side}" for eye, other in ("lr", "rl") for side in _SIDES},
 }
 
 
@@ -118,6 +125,7 @@ class TartanAir(SceneReader):
             notes=depth_notes(depths),
             group=parent_of(sequence.scene, levels=2),  # <environment>/<difficulty>/<trajectory>
             recorded_axes=NED_AXES,
+            second=_second(folder, str(camera), rows, frames),
             pose_accuracy=EXACT_POSE,
             depth_accuracy=_FLOAT32,
         )
@@ -133,6 +141,25 @@ class TartanAir(SceneReader):
         """The first camera asked for that is among the names in a folder, by its images or poses."""
         cameras = [self.camera] if self.camera else _VERSIONS
         return next((camera for camera in cameras if names & {f"image_{camera}", f"pose_{camera}.txt"}), None)
+
+
+def _second(folder: Path, first: str, rows: NDArray[np.float64], frames: range) -> SecondCamera | None:
+    """The other eye, beside the first; None where it has no images of all frames, or is ahead or behind."""
+    other = _OTHER_EYE[first]
+    poses, images = folder / f"pose_{other}.txt", folder / f"image_{other}"
+    if not (poses.is_file() and images.is_dir()):
+        return None
+    files = numbered_files(images, rf"(\d+)_{other}\.png")
+    other_rows, places = read_rows(poses, _COLUMNS)
+    if not files.keys() >= {*frames} or len(other_rows) != len(rows):
+        return None
+    start = slice(frames.start, frames.start + 1)
+    first_pose, second_pose = _poses(rows[start], places[start])[0], _poses(other_rows[start], places[start])[0]
+    place = invert(first_pose) @ second_pose
+    if not abs(place[0, 3]) > abs(place[2, 3]):
+        return None
+    camera = _VERSIONS[first].intrinsics
+    return SecondCamera(camera, place, ImageFiles(tuple(files[number] for number in frames), camera))
 
 
 def _depth_files(folder: Path, pattern: str) -> dict[int, Path]:

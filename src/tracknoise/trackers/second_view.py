@@ -24,6 +24,7 @@ from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.tracker import (
     Frame,
+    NotedTracker,
     SequenceContext,
     Step,
     Tracker,
@@ -31,6 +32,7 @@ from tracknoise.trackers.tracker import (
     begins_anywhere,
     needs_frames_only,
 )
+from tracknoise.words import percent
 
 Array = NDArray[np.float64]
 
@@ -169,10 +171,20 @@ class SecondViewTracker:
 
     def __init__(self, settings: SecondView, first: Tracker, pair: StereoPair, reported: _Reported | None) -> None:
         self._settings, self._first, self._pair, self._reported = settings, first, pair, reported
+        self._begun, self._found_at_first = 0, 0
         self._ids: NDArray[np.int64] = np.empty(0, np.int64)
         self._uv: Array = np.empty((0, 2))
         self._on_lines = settings.line.of(pair) if settings.search is Search.line else None
         self._images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Those of the other tracker, and how many of its features were found."""
+        others = self._first.notes if isinstance(self._first, NotedTracker) else ()
+        if not self._begun:
+            return others
+        share = f"{percent(self._found_at_first / self._begun)} of {self._begun:,} features"
+        return (*others, f"{share} that began in the first camera were found in the second")
 
     def step(self, frame: Frame) -> Step:
         """Track in the first camera, and find what goes on in the second."""
@@ -191,6 +203,8 @@ class SecondViewTracker:
         gone = np.isin(first.ended_ids, self._ids)
         missing = ~np.isin(self._ids, first.ids) & ~np.isin(self._ids, first.ended_ids)
         offered = len(self._ids)
+        self._begun += first.new
+        self._found_at_first += int(np.count_nonzero(first.born[shown]))
         self._images = images
         self._ids = np.concatenate([self._ids[missing], first.ids[shown]])
         self._uv = np.concatenate([self._uv[missing], found_uv[kept]])

@@ -299,7 +299,7 @@ class NotedTracker(Protocol):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """One sentence each, known when the tracker starts."""
+        """One sentence each, complete once the tracker has seen all frames."""
         ...
 
 

@@ -9,7 +9,7 @@ from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.geometry.depth import sample as read_depth
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.kitti import Kitti
-from tracknoise.sequences.reader_registry import make_reader
+from tracknoise.sequences.reader_registry import make_reader, open_sequence
 from tracknoise.sequences.sequence import FilteringReader, TruthKind
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import TruthStatus
@@ -246,3 +246,25 @@ def opened_only(root):
     reader = Kitti(root)
     (listed,) = reader.sequences()
     return reader.open(listed)
+
+
+def test_camera_3_is_the_second_one(tmp_path, write_drive):
+    day = tmp_path / "2011_09_26"
+    drive = write_drive(day)
+    assert open_sequence("kitti", tmp_path).second is None
+    for index in range(3):
+        path = drive.folder / "image_03" / "data" / drive.image(index).name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), np.full((24, 32), 5 * index, np.uint8))
+    assert open_sequence("kitti", tmp_path).second is None  # its calibration is missing
+    calibration = day / "calib_cam_to_cam.txt"
+    text = calibration.read_text()
+    (line,) = (line for line in text.splitlines() if line.startswith("P_rect_02:"))
+    numbers = np.array(line.split()[1:], float).reshape(3, 4)
+    numbers[0, 3] -= 0.54 * numbers[0, 0]
+    calibration.write_text(text + f"P_rect_03: {' '.join(map(repr, numbers.ravel().tolist()))}\n")
+    second = open_sequence("kitti", tmp_path).second
+    expected = np.eye(4)
+    expected[0, 3] = 0.54
+    np.testing.assert_allclose(second.first_from_second, expected, atol=1e-9)
+    assert second.images(2).max() == 10

@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
+from itertools import chain
 
 import cv2
 import numpy as np
@@ -260,7 +261,7 @@ class _Fitted:
 
     @classmethod
     def of(cls, rig: StereoPair, points: _Points) -> "_Fitted":
-        """Add the fault that explains most, as long as one is clear."""
+        """Add the fault that explains most, as long as one is clear that is not alike to those before."""
         possible = [_Fault.turn]
         possible += [_Fault.scale] if np.isfinite(points.inverse_m).sum() >= _FEWEST_POINTS else []
         possible += [_Fault.delay] if points.moves_px > _LEAST_MOVES_PX else []
@@ -268,7 +269,7 @@ class _Fitted:
         faults: dict[_Fault, tuple[_Fault, ...]] = {}
         now = cls(faults, np.zeros(5), np.zeros(5), _misfit_px(rig, points))
         cost = _cost(rig, points, now.value, scale_px)
-        while rest := [fault for fault in possible if fault not in faults]:
+        while rest := [fault for fault in possible if fault not in {*faults, *chain.from_iterable(faults.values())}]:
             tried = {fault: _fit(rig, points, [*faults, fault], scale_px)[0] for fault in rest}
             gains = {fault: cost - _cost(rig, points, value, scale_px) for fault, value in tried.items()}
             best = max(rest, key=lambda fault: gains[fault])
@@ -368,7 +369,7 @@ def _of_faults(pair: _Pair, fitted: _Fitted, points: _Points, given_px: float) -
     if fitted.faults:
         text = f"It looks as if {', and '.join(says[fault] for fault in fitted.faults)}."
         text += f" The median residual falls from {significant(given_px, 3)} to {significant(fitted.left_px, 2)} px."
-        alike = [kinds[other] for others in fitted.faults.values() for other in others if other not in fitted.faults]
+        alike = [kinds[other] for others in fitted.faults.values() for other in others]
         text += f" This recording cannot distinguish it from: {'; or '.join(alike)}." if alike else ""
         text += _NOT_RECTIFIED if _Fault.turn in fitted.faults and pair.is_rectified else ""
         severity = Severity.caveat if [*fitted.faults] == [_Fault.scale] else pair.severity

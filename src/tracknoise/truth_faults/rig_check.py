@@ -45,7 +45,7 @@ _LARGEST_SIGMA = 0.1
 _MOST_PX, _MOST_GAIN = 1.0, 0.5
 """A median residual above this is too large. A mistake has to lower it to this part."""
 _SIGMAS, _ALIKE = 4.0, 0.9
-"""Faults are clear from so many standard deviations on. One that explains this part of another is not told from it."""
+"""Faults are clear from so many standard deviations on. One that explains this part of another is alike."""
 _LEAST_TURN_PX, _LEAST_SCALE, _LEAST_DELAY_PX = 1.0, 0.02, 0.3
 """Sizes of faults that count: what a turn and a delay move, and a relative error of the baseline."""
 _LEAST_MOVES_PX = 0.1

@@ -229,6 +229,7 @@ def test_trackers_lists_the_trackers(tracknoise):
         "lucas-kanade",
         "oracle",
         "patch",
+        "second-view",
         *tracker_registry.preset_names(),
     ]
     assert "preset of OpenVINS: FAST corners of a 5 x 5 grid" in out

@@ -18,6 +18,7 @@ def test_the_built_in_trackers_are_known_by_name():
         "lucas-kanade",
         "oracle",
         "patch",
+        "second-view",
     ]
     assert all(TRACKERS.load(kind).kind == kind for kind in TRACKERS.names())
     assert all(TRACKERS.load(kind).description for kind in TRACKERS.names())

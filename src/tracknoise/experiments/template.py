@@ -150,9 +150,9 @@ def _trackers(sequence: Sequence) -> list[str]:
 
 _SECOND_CAMERA = (
     "",
-    "# [[trackers]]  # the features of the first in the images of the second camera",
-    f"# {tomlkit.dumps({'kind': 'second-view'}).strip()}",
-    f"# {tomlkit.dumps({'options': {'of': _TRACKERS[0]}}).strip()}",
+    "# [[trackers]]  # the features of the first one in the images of the second camera",
+    '# kind = "second-view"',
+    f'# options = {{ of = "{_TRACKERS[0]}" }}',
 )
 
 

@@ -14,11 +14,12 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.experiments.settings import SYNTHETIC
+from tracknoise.sequences.depth_samples import edge_share, sampled_depths
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence, TruthKind
 from tracknoise.tables.schema import of_second_camera
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity
-from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth, edge_share, sampled_depths
+from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, clipped_depth
 from tracknoise.truth_faults.image_evidence import FEWEST_POINTS, Evidence, Flow, Pair, seen_by_one_camera
 from tracknoise.truth_faults.motion_checks import mistakes
 from tracknoise.truth_faults.recording_checks import (

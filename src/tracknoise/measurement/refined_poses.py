@@ -35,6 +35,7 @@ from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepth
 from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
+from tracknoise.sequences.depth_samples import MOST_EDGES, edge_share, sampled_depths
 from tracknoise.sequences.kept_frames import KEPT_BYTES, KEPT_DEPTH_BYTES, KeptFrames
 from tracknoise.sequences.other_poses import OtherPoses
 from tracknoise.sequences.poses import has_pose
@@ -216,6 +217,10 @@ def refined_by(
     if not len(tracks.frame) or few > _FEW_FRAMES:
         frames_with = f"{percent(few)} of the frames have fewer than {FEWEST_TRACKS} reference tracks"
         reason = f"Poses are not refined: {frames_with}."
+        return sequence, PoseFit(False, references, reason=reason)
+    edges = edge_share(sequence, sampled_depths(sequence, n_frames))
+    if edges > MOST_EDGES:
+        reason = f"Poses are not refined: noise makes depths of neighbours differ at {percent(edges)} of the pixels."
         return sequence, PoseFit(False, references, reason=reason)
     adjustment = PoseAdjustment(sequence, tracks)
     if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:

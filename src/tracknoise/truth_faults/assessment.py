@@ -24,6 +24,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD
+from tracknoise.sequences.depth_samples import MOST_EDGES
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.enumerations import FittedTo, Trust, TruthCause
 from tracknoise.tables.manifest import PoseFit, joined_fit
@@ -32,7 +33,6 @@ from tracknoise.tables.trust import TRUST
 from tracknoise.tables.truth_audit import MEASURED, AuditVerdict
 from tracknoise.truth.accuracies import sizes_of
 from tracknoise.truth_faults.audit_summary import fault_brief
-from tracknoise.truth_faults.depth_checks import MOST_EDGES
 from tracknoise.truth_faults.explained import DEPTH_MAPS, DEPTHS, EVERY_FAULT, MOVED, NAMED_FAULTS
 from tracknoise.truth_faults.fault_parameters import FAULTS, Family, Parameter
 from tracknoise.words import SPACE, listing, percent, pixels, sentence_case

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.sequences.depth_samples import sampled_depths
 from tracknoise.sequences.likely_times import require_likely_times
 from tracknoise.sequences.sequence import Reader, Sequence, with_known_facts
 from tracknoise.tables.enumerations import Trust
@@ -21,7 +22,7 @@ from tracknoise.truth_faults.check_poses import leading_poses
 from tracknoise.truth_faults.check_report import CheckReport, Item, SequenceReport, Severity
 from tracknoise.truth_faults.check_verdict import sequence_trust
 from tracknoise.truth_faults.clock_check import clock
-from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths, sampled_depths
+from tracknoise.truth_faults.depth_checks import clipped_depth, depth_share, depths
 from tracknoise.truth_faults.depth_repeats import repeatability
 from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Pair, relative_pose, reprojection_px
 from tracknoise.truth_faults.motion_checks import focal_length, mistakes, warping

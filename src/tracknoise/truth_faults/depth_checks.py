@@ -6,10 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD, DepthMap, interpolate
+from tracknoise.geometry.depth import EDGE_RELATIVE_SPREAD, DepthMap
 from tracknoise.geometry.pose import transform
 from tracknoise.inference.jackknife import jackknife
-from tracknoise.sequences.sequence import Sequence, camera_at
+from tracknoise.sequences.depth_samples import MOST_EDGES, edge_share, sampled_depths
+from tracknoise.sequences.sequence import Sequence
 from tracknoise.text import significant
 from tracknoise.truth_faults.check_report import Item, Severity, Values
 from tracknoise.truth_faults.image_evidence import (
@@ -25,10 +26,6 @@ from tracknoise.truth_faults.image_evidence import (
 NEAREST_M, FARTHEST_M = 0.05, 1000.0
 """A median depth outside of this range is not metres."""
 _DEPTH_UNIT_LEAST_SHARE = 0.2
-_FRAMES = 8
-_EDGES_EVERY_PX = 4
-MOST_EDGES = 0.5
-"""Larger shares of pixels beside an edge are due to noise: edges of surfaces alone made at most .11 of the samples."""
 
 
 def depths(sequence: Sequence) -> Item:
@@ -62,26 +59,6 @@ def depths(sequence: Sequence) -> Item:
         )
         return Item("depth", Severity.caveat, text, {**numbers, "edges": edges})
     return Item("depth", Severity.ok, text, numbers)
-
-
-def edge_share(sequence: Sequence, maps: Mapping[int, DepthMap]) -> float:
-    """Share of pixels with depth in dense maps of frames that lie on an edge; 0 of sparse maps, and without maps."""
-    if any(depth.radius_px is not None for depth in maps.values()):
-        return 0.0
-    sampled = []
-    for index, depth in maps.items():
-        rows, columns = (np.arange(0, side, _EDGES_EVERY_PX) for side in depth.depth_m.shape)
-        uv = np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2).astype(float)
-        sampled.append(interpolate(depth, uv, camera_at(sequence, index)))
-    edge, valid = (sum(int(getattr(of_map, name).sum()) for of_map in sampled) for name in ("edge", "valid"))
-    return edge / max(edge + valid, 1)
-
-
-def sampled_depths(sequence: Sequence, n_frames: int | None = None) -> dict[int, DepthMap]:
-    """Depth maps of some of the first frames, by default of all, spread evenly; none where there is no depth."""
-    last = (len(sequence) if n_frames is None else n_frames) - 1
-    chosen = np.unique(np.linspace(0, last, _FRAMES).astype(int)).tolist()
-    return {index: depth for index in chosen if (depth := sequence.depth(index)) is not None}
 
 
 def depth_share(maps: Mapping[int, DepthMap]) -> float:

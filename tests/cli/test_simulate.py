@@ -114,7 +114,7 @@ def test_one_frame_has_no_inertial_readings(simulate):
         (["--layout", "dtu", "--option", "width=65"], "--option width, height: found an odd number"),
         (["--layout", "dtu", "--option", "width=wide"], "--option width: found 'wide', expected a value such as 1600"),
         (["--motion", "flying"], "unknown motion 'flying'"),
-        (["--layout", "euroc", "--option", "baseline_m=0.1"], "--option baseline_m: found 0.1, expected none"),
+        (["--layout", "kitti", "--option", "baseline_m=0.1"], "--option baseline_m: found 0.1, expected none"),
     ],
 )
 def test_what_a_layout_does_not_have_is_one_line(simulate, arguments, message):

@@ -1,5 +1,7 @@
 """Poses that were spoilt come back by reference tracks; what cannot be determined is refused with its reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.measurement.planes import CAMERA, FRAMES, depths_of, images_of, moving, recorded, walked
@@ -91,6 +93,17 @@ def test_images_without_texture_are_refused():
     found, fit = refined(sequence, "birth", DEFAULT_RULE, FRAMES)
     assert found is sequence
     assert "fewer than" in fit.reason
+
+
+def test_depth_maps_that_are_mostly_noise_are_refused():
+    rng = np.random.default_rng(0)
+    noisy = [
+        replace(one, depth_m=one.depth_m * np.exp(0.05 * rng.standard_normal(one.depth_m.shape))) for one in DEPTHS
+    ]
+    sequence = recorded(walked(POSES), IMAGES, noisy)
+    found, fit = refined(sequence, "birth", DEFAULT_RULE, FRAMES)
+    assert found is sequence
+    assert "noise makes depths of neighbours differ" in fit.reason
 
 
 def test_images_that_show_another_motion_are_refused():

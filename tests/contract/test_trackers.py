@@ -15,6 +15,7 @@ import pytest
 from tests.trackers.networks import keypoint_network, match_network, require_onnx
 
 from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, TruthStatus
 from tracknoise.trackers.tracker import Frame, SequenceContext, Step, TrackerSettings
@@ -23,6 +24,8 @@ from tracknoise.trackers.tracker_registry import TRACKERS, make_tracker
 FOLLOW_POINTS = Path(__file__).parents[1] / "foreign" / "follow_points.py"
 SIZE = (200, 160)
 FRAMES = 8
+BESIDE = np.eye(4)
+BESIDE[0, 3] = 0.1
 
 
 class Still:
@@ -53,6 +56,8 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
             "rejection": {"model": "seven-point"},
         },
     ),
+    "features along epipolar lines": ("second-view", {"search": "line"}),
+    "features of the last second image": ("second-view", {"search": "last"}),
     "correspondence of networks": ("correspondence", {"descriptor": "network", "rejection": {"model": "none"}}),
 }
 """Trackers whose options take other ways through the code than the defaults do."""
@@ -98,7 +103,13 @@ def start(settings: TrackerSettings, size: tuple[int, int] = SIZE, speed: int = 
     ahead = {"images": lambda: iter(shown[::speed])}
     camera = Camera(width=size[0], height=size[1], fx=150.0, fy=150.0, cx=(size[0] - 1) / 2, cy=(size[1] - 1) / 2)
     ahead |= {"camera_at": lambda index: camera, "rotation_at": lambda index: np.eye(3)}
+    ahead |= {"pair": StereoPair(camera, camera, BESIDE)}
     return settings.start(SequenceContext(sequence, size, FRAMES, speed, 0, Still(), **ahead)).step
+
+
+def frame_of(index: int, image: np.ndarray) -> Frame:
+    """A frame whose second camera shows the same 4 px farther to the left."""
+    return Frame(index, image, lambda: np.roll(image, -4, axis=1))
 
 
 def images() -> list[np.ndarray]:
@@ -115,7 +126,7 @@ def images() -> list[np.ndarray]:
 
 def run(settings: TrackerSettings, speed: int = 1) -> list[Step]:
     step = start(settings, speed=speed)
-    return [step(Frame(k, image)) for k, image in enumerate(images()) if k % speed == 0]
+    return [step(frame_of(k, image)) for k, image in enumerate(images()) if k % speed == 0]
 
 
 @pytest.fixture(scope="module")
@@ -207,7 +218,7 @@ def test_it_is_repeatable_whatever_the_count_of_threads(settings, seen):
 def test_trackers_at_work_do_not_disturb_each_other_on_shared_frames(settings, seen):
     alone = as_bytes(seen(1))
     first, second = start(settings), start(settings)
-    shared = [Frame(k, image) for k, image in enumerate(images())]
+    shared = [frame_of(k, image) for k, image in enumerate(images())]
     both = [(first(frame), second(frame)) for frame in shared]
     assert as_bytes([pair[0] for pair in both]) == as_bytes([pair[1] for pair in both]) == alone
     assert all((frame.image == image).all() for frame, image in zip(shared, images(), strict=True))
@@ -220,7 +231,7 @@ def test_tiny_and_black_images_do_no_harm(settings, black):
         step, shape = start(replace(settings, **scaled), size=size), size[::-1]
         for index in range(3):
             noise = np.random.default_rng(index).integers(0, 255, shape).astype(np.uint8)
-            report = step(Frame(index, np.zeros(shape, np.uint8) if black else noise))
+            report = step(frame_of(index, np.zeros(shape, np.uint8) if black else noise))
             if settings.kind in ("lucas-kanade", "correspondence", "patch") and black:
                 assert report.alive == report.offered == 0, size
             if settings.kind in ("lucas-kanade", "oracle", "patch") and min(size) <= 16:
@@ -228,7 +239,7 @@ def test_tiny_and_black_images_do_no_harm(settings, black):
 
 
 def test_one_frame_is_enough(settings):
-    step = start(settings)(Frame(0, images()[0]))
+    step = start(settings)(frame_of(0, images()[0]))
     assert step.offered == step.matched == step.outliers == len(step.ended_ids) == 0
     assert step.born.all()
     assert step.new == step.alive > 0

@@ -4,8 +4,9 @@ Each feature that begins is searched in the image that the second camera took at
 there in every frame, it goes on; a feature that is not found when it begins has no track here.
 """
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated, ClassVar
 
@@ -115,6 +116,9 @@ class SecondView:
         require(self.of == "imported" or not is_imported, "of", self.of, 'imported, as search = "imported"')
         require(is_imported or not self.second, "second", dict(self.second), 'nothing without search = "imported"')
 
+    def __hash__(self) -> int:
+        return hash(json.dumps(asdict(self), sort_keys=True, default=str))
+
     @property
     def needs_frames_only(self) -> bool:
         """As the tracker of the first camera: see `tracknoise.trackers.tracker.needs_frames_only`."""
@@ -208,16 +212,17 @@ class SecondViewTracker:
         self._images = images
         self._ids = np.concatenate([self._ids[missing], first.ids[shown]])
         self._uv = np.concatenate([self._uv[missing], found_uv[kept]])
+        ended = np.concatenate([first.ended[gone], end[~kept & going]])
         return Step(
             ids=first.ids[shown],
             uv=found_uv[kept],
             born=first.born[shown],
             response=first.response[shown],
             ended_ids=np.concatenate([first.ended_ids[gone], first.ids[lost]]),
-            ended=np.concatenate([first.ended[gone], end[~kept & going]]),
+            ended=ended,
             offered=offered,
-            matched=int(np.count_nonzero(going & (end != TrackEnd.lost))),
-            outliers=int(np.count_nonzero(going & (end == TrackEnd.outlier))),
+            matched=int(np.count_nonzero(kept & going) + np.count_nonzero(ended != TrackEnd.lost)),
+            outliers=int(np.count_nonzero(ended == TrackEnd.outlier)),
             alive=len(self._ids),
             first_uv=first.uv[shown],
         )

@@ -139,3 +139,10 @@ def test_a_check_has_the_topic_only_where_there_is_a_second_camera(simulated):
 def test_images_without_texture_cannot_be_checked(simulated):
     blank = replace(simulated.second, images=lambda index: np.full((240, 320), 90, np.uint8))
     assert second_camera(Pair(simulated, lambda _: blank)).severity is Severity.unknown
+
+
+def test_images_of_another_size_are_a_finding(simulated):
+    small = replace(simulated.second, images=lambda index: np.zeros((120, 160), np.uint8))
+    item = second_camera(Pair(simulated, lambda _: small))
+    assert item.severity is Severity.caveat
+    assert "shape (120, 160)" in item.text

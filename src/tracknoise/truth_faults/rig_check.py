@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from tracknoise.exceptions import DataError
 from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert
 from tracknoise.geometry.stereo_pair import StereoPair
@@ -109,18 +110,15 @@ def _misfit_px(rig: StereoPair, points: _Points, fault: Array = np.zeros(5)) -> 
 
 
 def second_camera(sequence: Sequence) -> Item | None:
-    """The topic second camera of a sequence; None where it has none.
-
-    Raises
-    ------
-    DataError
-        If an image or depth map cannot be read.
-    """
+    """The topic second camera of a sequence; None where it has none. Images that cannot be read are a finding."""
     second = second_of(sequence)
     if second is None:
         return None
     pair = _Pair(sequence, second)
-    points = pair.points()
+    try:
+        points = pair.points()
+    except DataError as error:
+        return Item(TOPIC, pair.severity, f"{error}.")
     if len(points.frame) < _FEWEST_POINTS or len(np.unique(points.frame)) < _FEWEST_FRAMES:
         text = "The second camera cannot be checked: too few points are seen by both."
         return Item(TOPIC, Severity.unknown, text, {"n_points": len(points.frame)})

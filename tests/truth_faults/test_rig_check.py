@@ -146,3 +146,16 @@ def test_images_of_another_size_are_a_finding(simulated):
     item = second_camera(Pair(simulated, lambda _: small))
     assert item.severity is Severity.caveat
     assert "shape (120, 160)" in item.text
+
+
+def test_pixels_without_a_ray_do_not_count(simulated):
+    class Lens(Camera):
+        def bearings(self, uv):
+            rays = super().bearings(uv)
+            rays[np.asarray(uv)[..., 0] < 120.0] = np.nan
+            return rays
+
+    camera = simulated.second.camera
+    lens = Lens(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
+    item = second_camera(Pair(simulated, lambda second: moved([0.0, 0.6, 0.0])(replace(second, camera=lens))))
+    assert item.values["turn_deg"] == pytest.approx(0.6, rel=0.1)

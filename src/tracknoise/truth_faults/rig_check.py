@@ -281,8 +281,9 @@ class _Fitted:
 
 
 def _residuals(rig: StereoPair, points: _Points, fault: Array) -> Array:
+    """Both residuals of all points; 0 of pixels without a ray, and of points at the epipole."""
     across, along, _ = _residuals_px(rig, points, fault)
-    return np.concatenate([across, along[np.isfinite(along)]])
+    return np.asarray(np.nan_to_num(np.concatenate([across, along[np.isfinite(points.inverse_m)]])))
 
 
 def _cost(rig: StereoPair, points: _Points, fault: Array, scale_px: float) -> float:
@@ -326,7 +327,7 @@ def _counts(fault: _Fault, value: Array, sigma: Array, points: _Points, rig: Ste
         return False
     length = float(np.linalg.norm(value[places]))
     if fault is _Fault.turn:
-        return length * float(np.median(rig.px_per_angle(points.second_uv))) > _LEAST_TURN_PX
+        return length * float(np.nanmedian(rig.px_per_angle(points.second_uv))) > _LEAST_TURN_PX
     return length > _LEAST_SCALE if fault is _Fault.scale else length * points.moves_px > _LEAST_DELAY_PX
 
 

@@ -46,6 +46,11 @@ def errors(law: str, correlation: float, factor: float, rng: np.random.Generator
 
 def scene(name: str, law: str, correlation: float, rng: np.random.Generator) -> pl.DataFrame:
     """Sums of one scene."""
+    return pair_sums(prepare_sequence(*tables(name, law, correlation, rng)))
+
+
+def tables(name: str, law: str, correlation: float, rng: np.random.Generator) -> tuple[pl.DataFrame, pl.DataFrame]:
+    """Observations and tracks of one scene."""
     first, second = errors(law, correlation, float(np.exp(SPREAD * rng.standard_normal())), rng)
     uv = rng.uniform((100.0, 60.0), (540.0, 420.0), (TRACKS_OF_SCENE, 2))
     depth = np.repeat(np.exp(rng.uniform(0.0, np.log(8.0), TRACKS_OF_SCENE)), FRAMES)
@@ -74,7 +79,7 @@ def scene(name: str, law: str, correlation: float, rng: np.random.Generator) -> 
     made = pl.DataFrame(of_tracks).with_columns(literals, kept=pl.lit(value=True))
     absent = [pl.lit(None).alias(key) for key in TRACKS if key not in made.columns]
     tracks = made.with_columns(absent).select(pl.col(key).cast(kind) for key, kind in TRACKS.items())
-    return pair_sums(prepare_sequence(observations, tracks))
+    return observations, tracks
 
 
 def quantities(law: str, correlation: float, scenes: int, rng: np.random.Generator) -> pl.DataFrame:

@@ -6,6 +6,8 @@ import pytest
 from benchmarks.validity import pair_coverage
 
 from tracknoise.analysis.pair_intervals import PAIRS, pair_intervals
+from tracknoise.statistics.pair_sums import pair_sums
+from tracknoise.statistics.prepared import prepare_sequence
 from tracknoise.tables.schema import PAIR_SUMS, empty
 
 FIRST, SECOND = pair_coverage.FIRST_PX, pair_coverage.SECOND_PX
@@ -57,3 +59,9 @@ def test_depths_of_one_size_show_no_law():
     sums = pair_coverage.scene("s", "white", 0.0, np.random.default_rng(1))
     one = sums.filter(pl.col("cell") == sums["cell"].mode()[0])
     assert "depth_sd_square" not in {*pair_intervals([one])["quantity"]}
+
+
+def test_observations_without_a_true_depth_have_no_sums():
+    observations, tracks = pair_coverage.tables("s", "white", 0.0, np.random.default_rng(1))
+    unknown = observations.with_columns(first_depth_m=pl.lit(None, pl.Float64))
+    assert pair_sums(prepare_sequence(unknown, tracks)).is_empty()

@@ -27,6 +27,11 @@ SECOND = """
 [[trackers]]
 kind = "second-view"
 name = "second"
+
+[[trackers]]
+kind = "second-view"
+name = "on-lines"
+options = { search = "line" }
 """
 
 
@@ -48,7 +53,7 @@ def pair(run, tmp_path_factory):
 
 def test_both_cameras_have_a_sigma_and_the_pair_its_own_numbers(pair):
     opened = open_run(pair.path)
-    assert {*opened.table("second_camera")["tracker"]} == {"second"}
+    assert {*opened.table("second_camera")["tracker"]} == {"second", "on-lines"}
     assert opened.results(tracker="second", quantity="core").height > 0
 
 
@@ -62,14 +67,17 @@ def test_numbers_of_the_first_camera_do_not_depend_on_the_second(pair, run, tmp_
 
 def test_the_truth_is_asked_by_trackers_of_the_first_camera(pair):
     key = sorted(pair.manifest().sequences)[0]
-    assert of_second_camera(pair.sequence_table("observations", key)) == ["second"]
+    assert of_second_camera(pair.sequence_table("observations", key)) == ["on-lines", "second"]
     assert {*pair.sequence_table("audit_samples", key)["tracker"]} == {"lucas-kanade"}
     assert {*pair.sequence_table("patches", key)["tracker"]} == {"lucas-kanade"}
     assert pair.sequence_table("pair_sums", key)["n"].sum() > 500
-    assert {*pair.sequence_table("noise_sums", key)["tracker"]} == {"lucas-kanade", "second"}
+    assert {*pair.sequence_table("noise_sums", key)["tracker"]} == {"lucas-kanade", "second", "on-lines"}
 
 
 def test_findings_say_what_both_cameras_share(pair):
+    said = " ".join(open_run(pair.path).findings()["text"])
+    assert "Errors in both cameras have a correlation of" in said
+    assert "on-lines: errors along epipolar lines have a core of" in said
     results = open_run(pair.path).results()
     shown = results.filter(pl.col("quantity").cast(pl.String).str.starts_with("pair_"))
     assert {"pair_epipolar_core", "pair_correlation_u", "pair_depth_sd_square"} <= {*shown["quantity"].cast(pl.String)}

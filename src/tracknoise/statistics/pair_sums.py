@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import PAIR, PAIR_SUMS, check
+from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty
 
 Array = NDArray[np.float64]
 
@@ -34,6 +34,8 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
     seen = sequence.seen
     table = sequence.observations.select(*PAIR).to_numpy()
     rows = np.flatnonzero(seen.visible & seen.kept & np.isfinite(table).all(axis=1))
+    if not len(rows):
+        return empty(PAIR_SUMS)
     first, (across, along, by_pair, depth) = table[rows, :2], table[rows, 2:].T
     second, log = seen.error_px[rows], np.log(by_pair / depth)
     cell = np.clip(np.floor(PER_OCTAVE * np.log2(depth / LEAST_DEPTH_M)), 0, DEPTH_CELLS - 1).astype(np.intp)

@@ -33,17 +33,14 @@ def _pair_of(rows: list[dict[str, object]], tracker: str) -> Part | None:
         str(row["quantity"]): Estimate.of_row(row, "value", "low", "high", units[f"pair_{row['quantity']}"])
         for row in rows
     }
-    named = [found[name] for name in ("epipolar_core", "disparity_core") if name in found]
-    sentences = [
-        f"{tracker}: the core of the distances from epipolar lines is {format_estimate(found['epipolar_core'])}.",
-        f"That of the errors along them is {format_estimate(found['disparity_core'])}.",
-    ]
-    brief = f"Errors of {tracker} along epipolar lines have a core of {format_estimate(found['disparity_core'])}."
-    shared = [found[name] for name in ("correlation_u", "correlation_v") if name in found]
+    said = [(found[name], text) for name, text in _CORES.items() if name in found]
+    cores = ", and ".join(f"{text} {format_estimate(estimate)}" for estimate, text in said)
+    sentences = [f"{tracker}: {cores}."] if said else []
+    named = [estimate for estimate, _ in said]
+    shared = {axis: found[f"correlation_{axis}"] for axis in "uv" if f"correlation_{axis}" in found}
     if shared:
-        sentences.append(
-            f"Errors in both cameras have a correlation of {' in u and '.join(map(format_estimate, shared))} in v."
-        )
+        values = " and ".join(f"{format_estimate(estimate)} in {axis}" for axis, estimate in shared.items())
+        sentences.append(f"Errors in both cameras have a correlation of {values}.")
     if "depth_sd_square" in found:
         constant, square = found["depth_sd_constant"], found["depth_sd_square"]
         sentences.append(
@@ -51,7 +48,14 @@ def _pair_of(rows: list[dict[str, object]], tracker: str) -> Part | None:
             f"b is {format_estimate(square)}."
         )
         named += [constant, square]
-    return Part(" ".join(sentences), [*named, *shared], brief)
+    return Part(" ".join(sentences), [*named, *shared.values()], sentences[0]) if sentences else None
+
+
+_CORES = {
+    "disparity_core": "errors along epipolar lines have a core of",
+    "epipolar_core": "distances from these lines one of",
+}
+"""Where all positions lie on the lines, they have no distance."""
 
 
 SECOND_CAMERA = Topic(

@@ -13,6 +13,7 @@ from tracknoise.sequences.kept_frames import KeptFrames
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.stereo import with_stereo_depth
 from tracknoise.sequences.views import View
+from tracknoise.trackers.second_view import SecondView
 from tracknoise.truth_faults.check_recording import check_sequence
 from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.rig_check import TOPIC, second_camera
@@ -129,6 +130,12 @@ def test_faults_make_depths_of_the_pair_wrong(simulated):
     assert any("turned by" in text for text in doubts(measured, {"lucas-kanade": "lucas-kanade"}).mistakes)
     right = measure(with_stereo_depth(Pair(simulated)), "lucas-kanade", truth="birth")
     assert not any("second camera" in text for text in doubts(right, {"lucas-kanade": "lucas-kanade"}).mistakes)
+
+
+def test_a_run_of_second_views_alone_has_the_fault(simulated):
+    wrong = Pair(simulated, moved([0.6, 0.0, 0.0]))
+    measured = measure(wrong, {"second": SecondView(epipolar_px=None)}, truth="birth")
+    assert any("turned by" in text for text in doubts(measured, {"second": "second-view"}).mistakes)
 
 
 def test_a_check_has_the_topic_only_where_there_is_a_second_camera(simulated):

@@ -61,7 +61,7 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     of_images = [name for name, kind in kinds.items() if kind not in SYNTHETIC and name not in beside]
     observed = measurement.observations.filter(pl.col("tracker").is_in(of_images))
     if observed.is_empty():
-        return Doubts()
+        return _split(_of_second_camera(measurement)) if beside else Doubts()
     if (views := view_changes(measurement.sequence)) is not None:
         return Doubts((views.text,))
     slowest = observed.filter(pl.col("speed") == observed["speed"].min())
@@ -130,16 +130,16 @@ def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Ite
 def _of_second_camera(measurement: "Measurement") -> list[Item]:
     """What is wrong with the second camera, where it tells depths or trackers see it.
 
-    Not its distance: depths of a sweep do not use a camera whose distance does not fit the poses.
+    Its distance alone counts only where trackers see it: depths of a sweep do not use a camera whose distance does not
+    fit the poses.
     """
     is_seen = bool(of_second_camera(measurement.observations))
     if not (is_seen or measurement.truth == SWEPT or is_of_pair(measurement.sequence)):
         return []
     item = second_camera(measurement.sequence)
-    is_wrong = item is not None and item.severity in (
-        (Severity.fatal, Severity.caveat) if is_seen else (Severity.fatal,)
-    )
-    return [replace(item, severity=Severity.fatal)] if item is not None and is_wrong else []
+    if item is None or item.severity not in ((Severity.fatal, Severity.caveat) if is_seen else (Severity.fatal,)):
+        return []
+    return [replace(item, severity=Severity.fatal)]
 
 
 def _depths_at_birth(measurement: "Measurement", observed: pl.DataFrame) -> dict[int, float]:

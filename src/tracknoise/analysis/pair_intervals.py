@@ -21,6 +21,7 @@ from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, quantile
 from tracknoise.statistics.pair_sums import DEPTH_CELLS, LOG_UNIT
+from tracknoise.statistics.scales import PER_MEDIAN
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ESTIMATED_OF_N, OF_CONDITION, Rows, RunTable, Value
@@ -64,7 +65,6 @@ _SUMS = (
     *(f"{name}_{axis}" for name in ("first", "second", "both") for axis in "uv"),
 )
 _OF_CELL = ("n", "n_near", "sum_log", "sum_log_depth")
-_TO_CORE = 1.4826
 _FEWEST_OF_CELL = 30
 
 
@@ -113,7 +113,7 @@ def _quantities(names: list[str], sums: Array) -> Array:
     column = dict(zip(names, sums, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         cores = [
-            _TO_CORE * quantile(np.stack([column[f"{name}_{place}"] for place in _BINS]), 0.5)
+            PER_MEDIAN * quantile(np.stack([column[f"{name}_{place}"] for place in _BINS]), 0.5)
             for name in ("across", "along")
         ]
         mean = column["sum_along"] / column["n_short"]
@@ -131,7 +131,7 @@ def _laws(column: dict[str, Array], shape: tuple[int, ...]) -> tuple[Array, ...]
         n, n_near = column[f"n@{number}"], column[f"n_near@{number}"]
         with np.errstate(divide="ignore", invalid="ignore"):
             counts = np.stack([column[f"log@{number}_{bin}"] for bin in _BINS])
-            spread[place] = _TO_CORE * LOG_UNIT * quantile(counts, 0.5)
+            spread[place] = PER_MEDIAN * LOG_UNIT * quantile(counts, 0.5)
             mean[place] = column[f"sum_log@{number}"] / n_near
             depth[place] = np.exp(column[f"sum_log_depth@{number}"] / n)
             weight[place] = np.where(n >= _FEWEST_OF_CELL, n / spread[place] ** 2, 0.0)

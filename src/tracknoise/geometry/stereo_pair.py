@@ -25,7 +25,7 @@ class PairRays:
     """(pair.rays) of n points."""
 
     unit: Array  # (n, 3): unit rays r of the first camera
-    towards: Array  # (n, 3): m
+    aside_m: Array  # (n,): distance of the second camera from the ray, metres: |t x r|
     across: Array  # (n,): rad
     parallax: Array  # (n,): rad; negative where rays meet behind the cameras
     range_m: Array  # (n,): metres; infinite without parallax, negative behind the cameras
@@ -50,14 +50,12 @@ class StereoPair:
         parallax = np.arctan2(np.sum(seen * towards, axis=1), np.sum(seen * unit, axis=1))
         with np.errstate(divide="ignore"):
             range_m = unit @ t + length / np.tan(parallax)
-        return PairRays(unit, towards, across, parallax, range_m)
+        return PairRays(unit, length, across, parallax, range_m)
 
     def parallax(self, rays: PairRays, inverse_m: Array) -> Array:
         """(n,): parallax, rad, of points of inverse distances (n,), 1/m, on rays of the first camera."""
-        t = self.first_from_second[:3, 3]
-        ahead = rays.unit @ t
-        across = np.linalg.norm(ahead[:, None] * rays.unit - t, axis=1)
-        return np.asarray(np.arctan2(across * inverse_m, 1.0 - inverse_m * ahead))
+        ahead_m = rays.unit @ self.first_from_second[:3, 3]
+        return np.asarray(np.arctan2(rays.aside_m * inverse_m, 1.0 - inverse_m * ahead_m))
 
     def epipolar_px(self, first_uv: Array, second_uv: Array) -> Array:
         """(n,): signed distances, px, of positions (n, 2) in the second image from epipolar lines of the first."""

@@ -9,14 +9,13 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, NothingToMeasureError, SettingsError
-from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.geometry.surroundings import Surroundings, unknown_surroundings
 from tracknoise.measurement.floors import TruthFloor
 from tracknoise.measurement.recording import Recording
 from tracknoise.measurement.tracking import Progress, TrackerSetup, TrackingResult, run_trackers
 from tracknoise.processes import release_memory
 from tracknoise.sequences.poses import has_pose, require_some_poses
-from tracknoise.sequences.second_camera import Beside
+from tracknoise.sequences.second_camera import Beside, pair_of
 from tracknoise.sequences.sequence import SWEPT, TRIANGULATED, Sequence
 from tracknoise.tables import schema
 from tracknoise.tables.enumerations import EdgeSide
@@ -100,8 +99,7 @@ def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
 def _pair(recording: Recording, positions: TruePositions, view: Beside | None) -> dict[str, pl.Series]:
     if recording.first_uv is None or positions.first_uv is None or view is None:
         return {}
-    second = view.camera_beside
-    pair = StereoPair(view.sequence.camera, second.camera, second.first_from_second)
+    pair = pair_of(view.sequence, view.camera_beside)
     error = recording.first_uv - positions.first_uv
     error[np.abs(error) < ROUNDING_PX] = 0.0
     values = (

@@ -8,10 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.measurement.recording import Recorder, Recording
 from tracknoise.sequences.row_poses import RowPoses
-from tracknoise.sequences.second_camera import second_image
+from tracknoise.sequences.second_camera import pair_of, second_image
 from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, second_of, times_of
 from tracknoise.sequences.views import first_of_part, image_names_of, source_frames, whole_of
 from tracknoise.trackers.gradient import dominant_gradient
@@ -220,7 +219,7 @@ def start_tracker(
             rotation_at=(lambda index: whole.world_from_camera[index, :3, :3]) if posed.any() else None,
             images=lambda: map(sequence.image, range(0, n_frames, condition.speed)),
             image_names=image_names_of(whole),
-            pair=None if second is None else StereoPair(whole.camera, second.camera, second.first_from_second),
+            pair=None if second is None else pair_of(whole, second),
         )
     )
     return tracker if whole is sequence else _InPart(tracker, range(first, first + len(sequence)))

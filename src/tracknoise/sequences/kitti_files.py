@@ -197,6 +197,19 @@ def camera_from_reference(P: NDArray[np.float64]) -> NDArray[np.float64]:
     return shift
 
 
+def camera_of(P: NDArray[np.float64], images: tuple[Path, ...]) -> Camera:
+    """The camera of a projection matrix, of the size of its images."""
+    (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
+    return Camera(*image_size(first_readable(images)), fx, fy, cx, cy)
+
+
+def second_camera(first: NDArray[np.float64], second: NDArray[np.float64], images: tuple[Path, ...]) -> SecondCamera:
+    """The camera with the second of two projection matrices, beside that with the first."""
+    camera = camera_of(second, images)
+    first_from_second = camera_from_reference(first) @ invert(camera_from_reference(second))
+    return SecondCamera(camera, first_from_second, ImageFiles(images, camera))
+
+
 def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """A transform, (4, 4) float64, whose rotation, rounded in the file, is made exact."""
     pose = np.eye(4)
@@ -259,10 +272,7 @@ def read_second_camera(drive: Drive, numbers: range) -> SecondCamera | None:
     except DataError:  # of one camera only
         return None
     first, second = (projection(path, values, key) for key in (_PROJECT, _SECOND_PROJECT))
-    (fx, _, cx), (_, fy, cy), _ = second[:, :3].tolist()
-    camera = Camera(*image_size(first_readable(paths)), fx, fy, cx, cy)
-    first_from_second = camera_from_reference(first) @ invert(camera_from_reference(second))
-    return SecondCamera(camera, first_from_second, ImageFiles(paths, camera))
+    return second_camera(first, second, paths)
 
 
 def read_camera_from_velodyne(day: Path) -> NDArray[np.float64]:

@@ -19,18 +19,18 @@ from numpy.typing import NDArray
 from tracknoise.checks import NotNegative, require_bounds
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import read_text
-from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert
-from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.kitti import KittiDepth, z_depth_from
 from tracknoise.sequences.kitti_files import (
     POSE_COLUMNS,
     DriveFrames,
     camera_from_reference,
+    camera_of,
     poses_of_rows,
     projection,
     read_values,
     rigid,
+    second_camera,
 )
 from tracknoise.sequences.likely_times import seconds_of
 from tracknoise.sequences.poses import no_poses, read_rows, require_poses, surplus_notes
@@ -214,7 +214,7 @@ class KittiOdometry:
         number = course.first_camera if self.camera is None else self.camera
         frames = find_frames(course, number)
         P = read_projection(course.folder / CALIBRATION, number)
-        camera = _camera(P, frames.images)
+        camera = camera_of(P, frames.images)
         reference, pose_notes = no_poses(len(frames.images)), tuple[str, ...]()
         if with_poses:
             reference, pose_notes = read_reference_poses(course.poses, frames.numbers)
@@ -250,11 +250,6 @@ class KittiOdometry:
         return KittiDepth(self.radius_px, camera_from_velodyne)
 
 
-def _camera(P: NDArray[np.float64], images: tuple[Path, ...]) -> Camera:
-    (fx, _, cx), (_, fy, cy), _ = P[:, :3].tolist()
-    return Camera(*image_size(first_readable(images)), fx, fy, cx, cy)
-
-
 def _second(course: Course, first: int, P: NDArray[np.float64], numbers: range) -> SecondCamera | None:
     """The other camera of a pair, 0 and 1 or 2 and 3, if it has an image of each frame."""
     second = first ^ 1
@@ -262,6 +257,4 @@ def _second(course: Course, first: int, P: NDArray[np.float64], numbers: range) 
     if not images.keys() >= {*numbers}:
         return None
     second_P, paths = read_projection(course.folder / CALIBRATION, second), tuple(images[number] for number in numbers)
-    camera = _camera(second_P, paths)
-    first_from_second = camera_from_reference(P) @ invert(camera_from_reference(second_P))
-    return SecondCamera(camera, first_from_second, ImageFiles(paths, camera))
+    return second_camera(P, second_P, paths)

@@ -10,8 +10,10 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath
+from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.sequences.sequence import (
     SecondCamera,
+    Sequence,
     fault_bounds_of,
     fault_shares_of,
     halves_of,
@@ -34,6 +36,11 @@ def second_image(second: SecondCamera, index: int, source: str) -> NDArray[np.ui
     if image is not None and image.shape != expected:
         raise DataError(source, f"an image of the second camera of shape {image.shape}", f"shape {expected}")
     return image
+
+
+def pair_of(sequence: Sequence, second: SecondCamera) -> StereoPair:
+    """The camera of a sequence and the second one beside it."""
+    return StereoPair(sequence.camera, second.camera, second.first_from_second)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

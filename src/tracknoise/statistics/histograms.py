@@ -76,6 +76,14 @@ def bin_of(values: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.asarray(np.clip(place, 0, LOG_HISTOGRAM_BINS - 1), dtype=np.intp)
 
 
+def listed(group: NDArray[np.intp], values: NDArray[np.float64], count: int) -> pl.Series:
+    """Histogram of the values (n,) of each of `count` groups, as lists; missing values are not counted."""
+    is_known = ~np.isnan(values)
+    cells = group[is_known] * LOG_HISTOGRAM_BINS + bin_of(values[is_known])
+    counted = np.bincount(cells, minlength=count * LOG_HISTOGRAM_BINS).reshape(count, LOG_HISTOGRAM_BINS)
+    return pl.Series(counted.tolist(), dtype=pl.List(pl.UInt32))
+
+
 def quantile(counts: NDArray[np.float64], share: float) -> NDArray[np.float64]:
     """Quantile of each histogram, with the numbers of a bin spread evenly over its logarithm.
 

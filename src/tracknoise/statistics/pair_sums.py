@@ -12,7 +12,7 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.statistics.grouping import number_combinations
-from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
+from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty
 
@@ -47,10 +47,6 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
     def added(values: Array, chosen: NDArray[np.bool_]) -> Array:
         return np.asarray(np.bincount(index[chosen], values[chosen], count), np.float64)
 
-    def counted(values: Array) -> pl.Series:
-        cells = np.bincount(index * LOG_HISTOGRAM_BINS + bin_of(np.abs(values)), minlength=count * LOG_HISTOGRAM_BINS)
-        return pl.Series(cells.reshape(count, -1).tolist(), dtype=pl.List(pl.UInt32))
-
     products = {"first": first * first, "second": second * second, "both": first * second}
     columns: dict[str, Any] = {
         "block": block,
@@ -67,9 +63,9 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
             for name, of in products.items()
             for place, axis in enumerate("uv")
         },
-        "across_counts": counted(across),
-        "along_counts": counted(along),
-        "log_counts": counted(log / LOG_UNIT),
+        "across_counts": listed(index, np.abs(across), count),
+        "along_counts": listed(index, np.abs(along), count),
+        "log_counts": listed(index, np.abs(log / LOG_UNIT), count),
     }
     found = seen.conditions[condition].with_columns(**columns)
     sums = found.select(pl.col(name).cast(kind) for name, kind in PAIR_SUMS.items())

@@ -55,7 +55,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.definitions import LENGTHS, WINDOWS
 from tracknoise.statistics.grouping import group_rows
-from tracknoise.statistics.histograms import LOG_HISTOGRAM_BINS, bin_of
+from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.noise_sums import magnifications, true_points
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
@@ -295,20 +295,12 @@ def _table(sequence: PreparedSequence, windows: pl.DataFrame, trimming: Trimming
     freedom = weights["freedom_u"] + weights["freedom_v"]
     residual = np.sqrt((weights["squares_u"] + weights["squares_v"]) / freedom)
     counts = {
-        "residual_counts": _histograms(groups.index, residual, groups.count),
-        "z_counts": _histograms(groups.index, z.abs().to_numpy(), groups.count),
+        "residual_counts": listed(groups.index, residual, groups.count),
+        "z_counts": listed(groups.index, z.abs().to_numpy(), groups.count),
     }
     named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
     labelled = named.with_columns(pl.lit(trimming, dtype=TRIMMING).alias("trimming"), **sums, **counts)
     return labelled.select(pl.col(name).cast(kind) for name, kind in schema.items())
-
-
-def _histograms(group: NDArray[np.intp], values: NDArray[np.float64], count: int) -> pl.Series:
-    """Histogram of the values of each group, as lists; missing values are not counted."""
-    is_known = ~np.isnan(values)
-    cells = group[is_known] * LOG_HISTOGRAM_BINS + bin_of(values[is_known])
-    counted = np.bincount(cells, minlength=count * LOG_HISTOGRAM_BINS).reshape(count, LOG_HISTOGRAM_BINS)
-    return pl.Series(counted.tolist(), dtype=pl.List(pl.UInt32))
 
 
 MOST = 96

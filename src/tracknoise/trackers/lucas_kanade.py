@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Annotated, ClassVar
+from typing import Annotated, ClassVar, Protocol
 
 import cv2
 import numpy as np
@@ -147,8 +147,8 @@ class PatchFollower:
         with np.errstate(over="ignore"):  # of a position that another front end reports, which is then not refined
             guess = self._guess(before, after, features).astype(np.float32)
         for image, patch, rows in self._templates(before, features):
-            target, reached, quality["lk_residual"][rows] = self._aligned(
-                image, after.image, patch, guess[rows], settings.extra_levels
+            target, reached, quality["lk_residual"][rows] = aligned(
+                settings, image, after.image, patch, guess[rows], settings.extra_levels
             )
             uv[rows] = target
             if settings.backward_px is not None:
@@ -176,23 +176,6 @@ class PatchFollower:
             rows = np.flatnonzero(self._index == index)
             yield image, self._uv[rows].astype(np.float32), rows
 
-    def _aligned(
-        self, image: NDArray[np.uint8], after: NDArray[np.uint8], patch: Positions, guess: Positions, levels: int
-    ) -> tuple[Positions, NDArray[np.bool_], NDArray[np.float32]]:
-        """Positions (n, 2) of patches in another image, whether they were found, and their residuals (n,)."""
-        settings = self._settings
-        uv, status, residual = cv2.calcOpticalFlowPyrLK(
-            image,
-            after,
-            patch,
-            guess.copy(),
-            winSize=(settings.window_px, settings.window_px),
-            maxLevel=levels,
-            criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, settings.iterations, settings.epsilon),
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )
-        return np.asarray(uv, dtype=np.float32), status[:, 0] == 1, np.asarray(residual[:, 0], dtype=np.float32)
-
     def _gap_px(
         self, image: NDArray[np.uint8], after: NDArray[np.uint8], patch: Positions, target: Positions
     ) -> NDArray[np.float64]:
@@ -200,7 +183,7 @@ class PatchFollower:
         settings = self._settings
         levels = settings.extra_levels if settings.backward_levels is None else settings.backward_levels
         guess = patch if settings.backward_start is BackwardStart.previous else target
-        back, is_found, _ = self._aligned(after, image, target, guess, levels)
+        back, is_found, _ = aligned(settings, after, image, target, guess, levels)
         return np.where(is_found, displacement_px(patch.astype(np.float64), back.astype(np.float64)), np.inf)
 
     def _min_eigenvalue(self, image: NDArray[np.uint8], patch: Positions) -> NDArray[np.float32]:
@@ -219,6 +202,47 @@ class PatchFollower:
             flags=cv2.OPTFLOW_USE_INITIAL_FLOW | cv2.OPTFLOW_LK_GET_MIN_EIGENVALS,
         )
         return np.asarray(eigenvalue[:, 0], dtype=np.float32) * _EIGENVALUE_UNIT
+
+
+class Alignment(Protocol):
+    """Settings of an alignment: see `LucasKanade`."""
+
+    @property
+    def window_px(self) -> int:
+        """Side of the patch, px."""
+        ...
+
+    @property
+    def iterations(self) -> int:
+        """At most so many."""
+        ...
+
+    @property
+    def epsilon(self) -> float:
+        """A smaller update ends it, px."""
+        ...
+
+
+def aligned(
+    settings: Alignment,
+    image: NDArray[np.uint8],
+    after: NDArray[np.uint8],
+    patch: Positions,
+    guess: Positions,
+    levels: int,
+) -> tuple[Positions, NDArray[np.bool_], NDArray[np.float32]]:
+    """Positions (n, 2) of patches in another image, whether they were found, and their residuals (n,)."""
+    uv, status, residual = cv2.calcOpticalFlowPyrLK(
+        image,
+        after,
+        patch,
+        guess.copy(),
+        winSize=(settings.window_px, settings.window_px),
+        maxLevel=levels,
+        criteria=(cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, settings.iterations, settings.epsilon),
+        flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
+    )
+    return np.asarray(uv, dtype=np.float32), status[:, 0] == 1, np.asarray(residual[:, 0], dtype=np.float32)
 
 
 class _Agreement:

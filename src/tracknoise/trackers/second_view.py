@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Annotated, ClassVar
 
-import cv2
 import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.schema import TrackEnd
 from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.line_search import LineSearch
-from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS
+from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS, aligned
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.tracker import (
     Frame,
@@ -275,21 +274,10 @@ class SecondViewTracker:
         """(n, 2): positions in another image; NaN where not found."""
         if not len(uv):
             return uv
-        moved, found = self._aligned(source, target, uv.astype(np.float32), start.astype(np.float32))
-        if self._settings.backward_px is not None:
-            back, returned = self._aligned(target, source, moved, moved)
-            found &= returned & (np.linalg.norm(back - uv, axis=1) <= self._settings.backward_px)
+        given, patch = self._settings, uv.astype(np.float32)
+        moved, found, _ = aligned(given, source, target, patch, start.astype(np.float32), given.extra_levels)
+        found = found & np.isfinite(moved).all(axis=1)
+        if given.backward_px is not None:
+            back, returned, _ = aligned(given, target, source, moved, moved, given.extra_levels)
+            found &= returned & (np.linalg.norm(back - uv, axis=1) <= given.backward_px)
         return np.where(found[:, None], moved.astype(np.float64), np.nan)
-
-    def _aligned(
-        self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: NDArray[np.float32], start: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        given = self._settings
-        criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, given.iterations, given.epsilon)
-        side = given.window_px
-        moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            source, target, uv, start.copy(), winSize=(side, side), maxLevel=given.extra_levels, criteria=criteria,
-            flags=cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )  # fmt: skip
-        found = (status[:, 0] == 1) & np.isfinite(moved).all(axis=1)
-        return np.asarray(moved, np.float32), np.asarray(found)

@@ -25,10 +25,11 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert
 from tracknoise.geometry.stereo_pair import StereoPair
-from tracknoise.sequences.second_camera import second_image
+from tracknoise.sequences.second_camera import pair_of, second_image
 from tracknoise.sequences.sequence import SecondCamera, Sequence, camera_at, second_of
 from tracknoise.sequences.stereo import StereoDepth
 from tracknoise.text import significant
+from tracknoise.trackers.matching import RATIO, mutual_nearest
 from tracknoise.truth.plane_sweep import PlaneSweep
 from tracknoise.truth.sweep_views import Cameras
 from tracknoise.truth.visibility import SequenceGeometry
@@ -136,7 +137,7 @@ class _Pair:
 
     def __init__(self, sequence: Sequence, second: SecondCamera) -> None:
         self.sequence, self.second = sequence, second
-        self.rig = StereoPair(sequence.camera, second.camera, second.first_from_second)
+        self.rig = pair_of(sequence, second)
         self._geometry = SequenceGeometry(sequence)
         self._sift = cv2.SIFT_create(_FEATURES)  # type: ignore[attr-defined]
         # of depth from the pair: with these both cameras agree whatever is wrong
@@ -201,16 +202,10 @@ class _Pair:
         (keys, first), (others, second) = (self._sift.detectAndCompute(one, None) for one in (image, other))
         if first is None or second is None or min(len(first), len(second)) < 2:
             return np.empty((0, 2)), np.empty((0, 2))
-        matcher = cv2.BFMatcher()
-        ahead, back = matcher.knnMatch(first, second, k=2), matcher.match(second, first)
-        nearest = {one.queryIdx: one.trainIdx for one in back}
-        pairs = [
-            (keys[best.queryIdx].pt, others[best.trainIdx].pt)
-            for best, next_best in ahead
-            if best.distance < _RATIO * next_best.distance and nearest.get(best.trainIdx) == best.queryIdx
-        ]
-        found = np.array(pairs, np.float64).reshape(-1, 2, 2)
-        return found[:, 0], found[:, 1]
+        matches = mutual_nearest(first, second)
+        clear = matches.chosen(matches.quality[RATIO] < _RATIO)
+        uv, others_uv = (np.array([key.pt for key in of], np.float64) for of in (keys, others))
+        return uv[clear.query_rows], others_uv[clear.train_rows]
 
     def _moves(self, index: int, image: NDArray[np.uint8], uv: Array) -> Array:
         """(n, 2): by how much points move until the next image of the second camera, px; NaN where unknown."""

@@ -6,6 +6,7 @@ from tests.experiments.conftest import Told
 from tests.lean import with_findings
 
 from tracknoise.api.finished_run import open_run
+from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.schema import of_second_camera
@@ -81,3 +82,22 @@ def test_findings_say_what_both_cameras_share(pair):
     results = open_run(pair.path).results()
     shown = results.filter(pl.col("quantity").cast(pl.String).str.starts_with("pair_"))
     assert {"pair_epipolar_core", "pair_correlation_u", "pair_depth_sd_square"} <= {*shown["quantity"].cast(pl.String)}
+
+
+def test_sigma_of_a_second_view_is_for_both_cameras(pair):
+    both = NoiseModel.fit(pair.path, tracker="second").of_both
+    assert both is not None
+    assert 0.0 < both.correlation <= 1.0
+    assert NoiseModel.fit(pair.path, tracker="lucas-kanade").of_both is None
+
+
+def test_a_run_in_parts_has_the_errors_of_both_cameras(pair, tmp_path):
+    text = (EXPERIMENT.replace("BASELINE", "0.12") + SECOND).replace("speeds = [1]", "speeds = [1]\npart_frames = 8")
+    text = text.replace('["sideways", "arvr"]', '["sideways"]')
+    parts = RunFolder(tmp_path / "run")
+    execute(parse_experiment(text, place="test"), parts, listener=Told(), debug=True)
+    key = sorted(parts.manifest().sequences)[0]
+    assert parts.sequence_table("rig", key).equals(pair.sequence_table("rig", key))
+    tracks = parts.sequence_table("pair_tracks", key)
+    assert {*tracks["tracker"]} == {"second", "on-lines"}
+    assert not tracks.select("tracker", "track", "age").is_duplicated().any()

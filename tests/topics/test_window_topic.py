@@ -163,6 +163,13 @@ def test_a_filter_has_sigma_and_gates_together() -> None:
     assert "for single observations. With the gate of tracks, NEES is 0.610 (0.500 to 0.720)." in tried
 
 
+def test_sigma_of_a_second_view_is_said_to_be_for_both_cameras() -> None:
+    ratios = {"position_of_both": (0.7, 0.6, 0.8), "rotation_of_both": (0.5, None, None)}
+    found = advised(advice({**GATED, **ratios}, "filter"))
+    assert "This is for positions in both cameras. With them, errors of the newest position are 0.700 (0.600" in found
+    assert "both cameras" not in advised(advice(GATED, "filter"))
+
+
 def test_features_in_the_state_have_a_sigma_of_their_own() -> None:
     found = advised(
         advice({**GATED, "state_sigma": (0.29, 0.2, 0.4), "observation_gate": (0.44, None, None)}, "openvins")

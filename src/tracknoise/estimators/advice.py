@@ -62,6 +62,7 @@ from tracknoise.estimators.model import (
     KnownPoints,
     Landmark,
     LossKind,
+    OfBoth,
     Purpose,
     Tails,
     Training,
@@ -133,6 +134,10 @@ class ExportedModel(Protocol):
     @property
     def known_points(self) -> tuple[KnownPoints, ...]:
         """Sigmas for one pose from known points."""
+
+    @property
+    def of_both(self) -> OfBoth | None:
+        """What positions in two cameras are to an estimator; None of a tracker of one camera."""
 
     @property
     def truth(self) -> TruthVerdict:
@@ -383,14 +388,15 @@ def _gate(model: ExportedModel, plain: Equivalent, gate: Gate, sigma: float) -> 
     """Factor on a chi-square gate at .95, with this sigma, by (advice.gate)."""
     if gate is Gate.TRACK:
         good = plain.gate_95 if plain.gate_80 is None else plain.gate_80
-        return track_gate(good * (plain.sigma.value / sigma) ** 2, plain.window)
+        cameras = 1 if model.of_both is None else 2
+        return track_gate(good * (plain.sigma.value / sigma) ** 2, plain.window, cameras)
     innovations = model.equivalent(landmark=plain.landmark, window=plain.window, purpose=Purpose.INNOVATIONS).sigma
     return min(max(observation_gate(model, innovations.value, sigma, LEVEL), CLAIMED[gate]), 1.0)
 
 
-def track_gate(good: float, window: int) -> float:
+def track_gate(good: float, window: int, cameras: int = 1) -> float:
     """Factor on a chi-square gate of tracks at .95, by (advice.gate), from that of good tracks at true poses."""
-    freedom = 2 * window - 3
+    freedom = 2 * cameras * window - 3
     return max(good * chi_square(GOOD, freedom) / chi_square(LEVEL, freedom), CLAIMED[Gate.TRACK])
 
 

@@ -54,30 +54,24 @@ from tracknoise.time_units import is_likely, likely_unit
 
 def scaled_component(component: Component, scale: float) -> Component:
     """A component whose standard deviations are larger by a factor."""
-    sigma = scaled_interval(component.sigma, scale)
+    sigma = component.sigma.times(scale)
     return replace(component, covariance=component.covariance * scale**2, sigma=sigma)
 
 
 def scaled_equivalent(equivalent: Equivalent, scale: float) -> Equivalent:
     """A sigma that is larger by a factor. Gates are ratios, and stay."""
     per_feature = _scaled_variance(equivalent.per_feature, scale)
-    return replace(equivalent, sigma=scaled_interval(equivalent.sigma, scale), per_feature=per_feature)
+    return replace(equivalent, sigma=equivalent.sigma.times(scale), per_feature=per_feature)
 
 
 def _scaled_variance(variance: Interval | None, scale: float) -> Interval | None:
-    return None if variance is None else scaled_interval(variance, scale**2)
+    return None if variance is None else variance.times(scale**2)
 
 
 def _scaled_points(points: KnownPoints, scale: float) -> KnownPoints:
     knee_px = None if points.knee_px is None else scale * points.knee_px
     per_feature = _scaled_variance(points.per_feature, scale)
-    return replace(points, knee_px=knee_px, sigma=scaled_interval(points.sigma, scale), per_feature=per_feature)
-
-
-def scaled_interval(interval: Interval, scale: float) -> Interval:
-    """An interval times a factor, with its bounds."""
-    low, high = (None if bound is None else bound * scale for bound in (interval.low, interval.high))
-    return Interval(value=interval.value * scale, low=low, high=high)
+    return replace(points, knee_px=knee_px, sigma=points.sigma.times(scale), per_feature=per_feature)
 
 
 _TRACKS = 40

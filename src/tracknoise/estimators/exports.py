@@ -206,6 +206,14 @@ class Noise:
         return np.asarray(self.sigma**2 * total / (np.trace(total) / 2.0))
 
     @property
+    def stereo_covariance(self) -> NDArray[np.float64]:
+        """(3, 3) float64, px^2, of u in the first camera, u in the second, and v, which both have in common."""
+        both = self.model.of_both
+        assert both is not None, "the model is of two cameras"
+        variance = (self.plain_sigma / both.sigma_ratio) ** 2
+        return variance * np.array([[1.0, both.correlation, 0.0], [both.correlation, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+    @property
     def knee_px(self) -> float:
         """Knee of the robust loss, px."""
         knee = self.advice.knee_px
@@ -573,6 +581,16 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
 
 def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
+    if model.of_both is not None:
+        yield (
+            f"Sigma is for positions in both cameras, taken as independent. Their errors correlate by "
+            f"{model.of_both.correlation:.2g}, which sigma counts."
+        )
+        position, rotation = map(_bounded, (model.of_both.position_ratio, model.of_both.rotation_ratio))
+        yield (
+            f"With both cameras, errors of the newest position are {position} times those with the first alone, and of "
+            f"its rotation {rotation} times, where the scale is known."
+        )
     if advice.simulated:
         yield f"Windows are simulated: no recording has {advice.window} frames that move."
     if lived := short_tracks(model.training.median_lifetime, advice.window):

@@ -14,7 +14,7 @@ what the errors of the truth may cause, and no faults of the truth that an audit
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from tracknoise.estimators.components import FittedComponents, fit_components, g
 from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
 from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.kernels import LENGTH, drawn_windows, tried_kernels
+from tracknoise.estimators.linear_window import Rig
 from tracknoise.estimators.model import (
     Bias,
     BiasKind,
@@ -47,10 +48,13 @@ from tracknoise.estimators.training import (
     Recording,
     TrainingTables,
     Windows,
+    pinhole,
     recorded_camera,
     windows,
 )
+from tracknoise.estimators.two_cameras import TwoCameras
 from tracknoise.exceptions import SettingsError
+from tracknoise.geometry.pose import from_quaternion
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.densities import Student, fit_student, moments, terms
 from tracknoise.inference.jackknife import student_interval
@@ -270,9 +274,22 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     outliers = read["noise_outliers"]
     by_length = _windows(read, LENGTHS)
     common = common_of(read, level=level)
-    sigmas = _equivalents(read, fitted, by_length, common)
-    kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level)
+    alone = _equivalents(read, fitted, by_length, common)
+    pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(outliers))
+    sigmas = alone if pair is None else pair.equivalents(alone)
+    kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level, pair)
     tails = fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups)
+    points = known_points(
+        read["noise_tracks"],
+        fitted.noise,
+        tails,
+        lengths=LENGTHS,
+        speed=read.speed,
+        most_px=_limit_px(outliers),
+        common=common,
+        groups=read.groups,
+        level=level,
+    )
     conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
     return {
         "training": _training(read),
@@ -290,17 +307,8 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "equivalents": sigmas,
         "kernels": kernels,
         "gate_trial": gate_trial,
-        "known_points": known_points(
-            read["noise_tracks"],
-            fitted.noise,
-            tails,
-            lengths=LENGTHS,
-            speed=read.speed,
-            most_px=_limit_px(outliers),
-            common=common,
-            groups=read.groups,
-            level=level,
-        ),
+        "known_points": points if pair is None else pair.known_points(points),
+        "of_both": None if pair is None else pair.trial(LENGTH, alone, sigmas, read.groups, level),
     }
 
 
@@ -316,7 +324,10 @@ def common_of(read: TrainingTables, *, level: float) -> CommonErrors | None:
 
 def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequence[int]) -> tuple[Equivalent, ...]:
     """Standard deviations for all observations, for windows of some lengths of the sequences of the tables."""
-    return _equivalents(read, fitted, _windows(read, lengths), common_of(read, level=fitted.level))
+    by_length = _windows(read, lengths)
+    alone = _equivalents(read, fitted, by_length, common_of(read, level=fitted.level))
+    pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(read["noise_outliers"]))
+    return alone if pair is None else pair.equivalents(alone)
 
 
 def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]:
@@ -338,10 +349,12 @@ def _equivalents(
 
 
 def _tried(
-    read: TrainingTables, some: Windows, sigmas: Sequence[Equivalent], level: float
+    read: TrainingTables, some: Windows, sigmas: Sequence[Equivalent], level: float, pair: TwoCameras | None
 ) -> tuple[tuple[Kernel, ...], TriedGate | None]:
     """Robust losses, and the gate of a filter, tried on the sampled tracks of a run; none where it has no sample."""
-    tracks = read["noise_tracks"]
+    tracks, cameras = (read["noise_tracks"], 1) if pair is None else (pair.tracks, 2)
+    if pair is not None:
+        some = replace(some, each=[[group.of_both for group in window] for window in some.each])
     if tracks.is_empty():
         return (), None
     of_window = {one.purpose: one for one in sigmas if one.landmark is Landmark.FREE and one.window == LENGTH}
@@ -356,7 +369,7 @@ def _tried(
         groups=read.groups,
         level=level,
     )
-    return kernels, tried_gate(drawn, newest, dataset=dataset, groups=read.groups, level=level)
+    return kernels, tried_gate(drawn, newest, dataset=dataset, groups=read.groups, level=level, cameras=cameras)
 
 
 def _limit_px(outliers: pl.DataFrame) -> float:
@@ -407,8 +420,19 @@ def _recordings(read: TrainingTables, longest: int) -> list[Recording]:
         cameras, poses = (read.of_sequence(name, key) for name in ("cameras", "poses"))
         if cameras.height and cameras["fx_px"][0] is not None:
             lifetimes = lengths_of_tracks(ends, longest=longest)
-            found.append(Recording(scene, poses, cameras, sights.to_numpy(), lifetimes))
+            found.append(Recording(scene, poses, cameras, sights.to_numpy(), lifetimes, _rig(read, key)))
     return found
+
+
+def _rig(read: TrainingTables, key: str) -> Rig | None:
+    """The second camera of a sequence; None of trackers of the first one, and where its lens is not known."""
+    if read["pair_tracks"].is_empty():
+        return None
+    table = read.of_sequence("rig", key)
+    if table["fx_px"][0] is None:
+        return None
+    place = table.select("x_m", "y_m", "z_m").to_numpy(), table.select("qx", "qy", "qz", "qw").to_numpy()
+    return Rig(pinhole(table), from_quaternion(*place)[0])
 
 
 def lengths_of_tracks(ends: pl.DataFrame, *, longest: int) -> NDArray[np.int64]:

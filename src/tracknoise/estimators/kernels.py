@@ -15,6 +15,7 @@ that are weighted anew until they hardly change.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import chain
 
 import numpy as np
 import polars as pl
@@ -49,34 +50,35 @@ changes by the loss."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Scene:
-    """Errors of sampled tracks of a scene: (tracks, observations, 2) px, NaN beyond their ends, and their weights."""
+class SampledErrors:
+    """Errors of sampled tracks of a scene in one camera or in two, px, and the weights of the tracks."""
 
-    errors: Array
-    length: NDArray[np.int64]
-    weight: Array
+    errors: Array  # (tracks, observations, cameras, 2), NaN beyond their ends
+    length: NDArray[np.int64]  # (tracks,)
+    weight: Array  # (tracks,)
 
     @classmethod
-    def of(cls, rows: pl.DataFrame, most_px: float) -> "_Scene":
-        """From rows of `NOISE_TRACKS`. A track ends before its first error beyond `most_px`."""
+    def of(cls, rows: pl.DataFrame, most_px: float) -> "SampledErrors":
+        """From rows of `NOISE_TRACKS` or `PAIR_TRACKS`. A track ends before its first error beyond `most_px`."""
         length = rows["age"].n_unique()
-        small = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt() <= most_px
+        cameras = [pair for pair in (("first_du_px", "first_dv_px"), ("du_px", "dv_px")) if pair[0] in rows.columns]
+        small = pl.all_horizontal((pl.col(u) ** 2 + pl.col(v) ** 2).sqrt() <= most_px for u, v in cameras)
         track = pl.struct("lighting", "camera", "track")
         numbered = rows.with_columns(number=track.rank("dense") - 1).sort("number", "age")
         kept = numbered.filter(small.cast(pl.UInt8).cum_min().over("number") == 1)
         number = kept["number"].rank("dense").to_numpy().astype(np.int64) - 1  # a first error may be too large, too
         place = kept.select(pl.int_range(pl.len()).over("number")).to_series().to_numpy()
-        errors = np.full((int(number.max(initial=-1)) + 1, length, 2), np.nan)
-        errors[number, place] = kept.select("du_px", "dv_px").to_numpy()
+        errors = np.full((int(number.max(initial=-1)) + 1, length, len(cameras), 2), np.nan)
+        errors[number, place] = kept.select(chain.from_iterable(cameras)).to_numpy().reshape(len(number), -1, 2)
         first = np.searchsorted(number, np.arange(len(errors)))
         return cls(errors, np.bincount(number, minlength=len(errors)), kept["stands_for"].to_numpy()[first])
 
     def drawn(self, tracks: LinearTracks, random: np.random.Generator) -> Array | None:
-        """(tracks, 2 n) px: errors of tracks that are long enough; None where there are none.
+        """(tracks, 2 n cameras) px: errors of tracks that are long enough; None where there are none.
 
         Tracks that begin in the window have errors from their birth, others from a later age on.
         """
-        n = tracks.by_point.shape[1] // 2
+        n = tracks.frames.shape[1]
         usable = np.flatnonzero(self.length >= n)
         if not len(usable):
             return None
@@ -85,7 +87,28 @@ class _Scene:
         latest = self.length[chosen] - n
         begin = np.where(tracks.born, 0, random.integers(0, latest + 1))
         at = begin[:, None] + np.arange(n)
-        return np.asarray(self.errors[chosen[:, None], at].reshape(len(chosen), -1), dtype=np.float64)
+        drawn = self.errors[chosen[:, None], at].swapaxes(1, 2)
+        return np.asarray(drawn.reshape(len(chosen), -1), dtype=np.float64)
+
+    def moments(self, n: int, born: NDArray[np.bool_]) -> Array | None:
+        """(tracks, m, m) px^2: mean products of the m = 2 n cameras errors of tracks; None where none is long enough.
+
+        `born`: (tracks,), as those of `LinearTracks`, by which errors begin as in `drawn`.
+        """
+        usable = np.flatnonzero(self.length >= n)
+        if not len(usable):
+            return None
+        starts = self.length[usable] - n + 1
+        late = np.repeat(usable, starts), np.concatenate([np.arange(one) for one in starts]), np.repeat(starts, starts)
+        begun = usable, np.zeros_like(usable), np.ones_like(usable)
+        of_kind = [self._moments(n, *begins) for begins in (late, begun)]
+        return np.stack(of_kind)[born.astype(np.intp)]
+
+    def _moments(self, n: int, track: Array, begin: Array, starts: Array) -> Array:
+        """Of n errors of tracks from some places on, each of which counts by how many a track has."""
+        own = self.errors[track[:, None], begin[:, None] + np.arange(n)].swapaxes(1, 2).reshape(len(track), -1)
+        weight = self.weight[track] / starts
+        return np.asarray((weight[:, None] * own).T @ own / weight.sum(), dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -148,13 +171,11 @@ def tried_kernels(
 def drawn_windows(tracks: pl.DataFrame, windows: Windows, most_px: float) -> Iterator[DrawnWindow]:
     """Windows of each scene with errors of its tracks.
 
-    `tracks`: schema `NOISE_TRACKS`, of one tracker, speed and view. `windows`: of `LENGTH` frames. Errors beyond
-    `most_px` are left out, as an estimator's test for outliers would do.
+    `tracks`: schema `NOISE_TRACKS`, or `PAIR_TRACKS` with windows of both cameras, of one tracker, speed and view.
+    `windows`: of `LENGTH` frames. Errors beyond `most_px` are left out, as an estimator's test for outliers would do.
     """
     names = tracks["scene"].unique().sort().to_list()
-    places = np.unique(np.linspace(0, len(names) - 1, min(_MOST_SCENES, len(names))).round().astype(int)).tolist()
-    every = {place: _Scene.of(tracks.filter(scene=names[place]), most_px) for place in places if names}
-    scenes = {place: scene for place, scene in every.items() if len(scene.errors) >= _LEAST_TRACKS}
+    scenes = sampled_scenes(tracks, most_px)
     windows_of = {place: windows.of_scene(names[place]) for place in scenes}
     drawn_each = max(_PER_SCENE, -(-_ENOUGH // max(len(scenes), 1)))
     determines = cache(determines_poses)
@@ -166,6 +187,14 @@ def drawn_windows(tracks: pl.DataFrame, windows: Windows, most_px: float) -> Ite
             groups = tuple(group for group, _ in drawn)
             if any(own.any() for _, own in drawn) and determines(groups):
                 yield DrawnWindow(names[place], groups, tuple(own for _, own in drawn))
+
+
+def sampled_scenes(tracks: pl.DataFrame, most_px: float) -> dict[int, SampledErrors]:
+    """Errors of some scenes with enough tracks, by the places of their names in order; arguments as above."""
+    names = tracks["scene"].unique().sort().to_list()
+    places = np.unique(np.linspace(0, len(names) - 1, min(_MOST_SCENES, len(names))).round().astype(int)).tolist()
+    every = {place: SampledErrors.of(tracks.filter(scene=names[place]), most_px) for place in places if names}
+    return {place: scene for place, scene in every.items() if len(scene.errors) >= _LEAST_TRACKS}
 
 
 def _of_same_tracks(drawn: Sequence[DrawnWindow]) -> list[list[int]]:

@@ -19,7 +19,7 @@ derivatives of the positions by the point, e the errors and C their assumed cova
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -31,7 +31,7 @@ from scipy.special import gammaincinv
 from tracknoise.estimators.model import Landmark, Purpose
 from tracknoise.geometry.cameras import Camera, CameraModel
 from tracknoise.geometry.pose import invert, transform
-from tracknoise.geometry.projection import image_derivatives
+from tracknoise.geometry.projection import cross_matrices, image_derivatives
 from tracknoise.inference.track_noise import COMPONENTS, Reference, Seen, TrackNoise
 
 CAMERA = Camera(640, 480, 460.0, 460.0, 319.5, 239.5)
@@ -71,6 +71,25 @@ class LinearTracks:
     magnification: NDArray[np.float64]  # (tracks, n) float64: Z_0 / Z_k
     rays: NDArray[np.float64]  # (tracks, 3) float64: from the first camera that sees a point to the point, metres
     born: NDArray[np.bool_]  # (tracks,) bool: as that of `PointTracks`
+    # (tracks, 2 n, p) and (tracks, 2 n, 3): derivatives of the same in a second camera, where there is one
+    beside: "tuple[NDArray[np.float64], NDArray[np.float64]] | None" = None
+
+    @property
+    def of_both(self) -> "LinearTracks":
+        """The tracks in both cameras: first the 2 n rows of the first one, then those of the second."""
+        assert self.beside is not None, "it has a second camera"
+        by_pose, by_point = (
+            np.concatenate(both, axis=1) for both in zip((self.by_pose, self.by_point), self.beside, strict=True)
+        )
+        return replace(self, by_pose=by_pose, by_point=by_point, beside=None)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Rig:
+    """A second camera."""
+
+    camera: CameraModel
+    first_from_second: NDArray[np.float64]  # (4, 4) float64, metres: its pose in the frame of the first camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,9 +114,13 @@ class Gauge:
 
 
 def linear_tracks(
-    camera: CameraModel, world_from_camera: NDArray[np.float64], tracks: PointTracks, gauge: Gauge | None = None
+    camera: CameraModel,
+    world_from_camera: NDArray[np.float64],
+    tracks: PointTracks,
+    gauge: Gauge | None = None,
+    rig: Rig | None = None,
 ) -> LinearTracks:
-    """Derivatives of the images of tracks at given poses, (frames, 4, 4), and points.
+    """Derivatives of the images of tracks at given poses, (frames, 4, 4), and points, also in a second camera.
 
     The gauge is by default that of these poses.
     """
@@ -105,19 +128,41 @@ def linear_tracks(
     rows = tracks.frames.ravel()
     poses = world_from_camera[rows]
     points = np.repeat(tracks.points, length, axis=0)
-    by_pose, by_point = image_derivatives(camera, poses, points)
-    depth = transform(invert(poses), points)[:, 2].reshape(count, length)
-    spread = np.zeros((count * length, 2, len(world_from_camera), 6))
-    spread[np.arange(count * length), :, rows] = by_pose
     known = Gauge.of(world_from_camera[:, :3, 3]) if gauge is None else gauge
+
+    def of_tracks(
+        by_pose: NDArray[np.float64], by_point: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        spread = np.zeros((count * length, 2, len(world_from_camera), 6))
+        spread[np.arange(count * length), :, rows] = by_pose
+        return known.free(spread.reshape(count, 2 * length, -1)), by_point.reshape(count, 2 * length, 3)
+
+    by_pose, by_point = of_tracks(*image_derivatives(camera, poses, points))
+    depth = transform(invert(poses), points)[:, 2].reshape(count, length)
     return LinearTracks(
         frames=tracks.frames,
-        by_pose=known.free(spread.reshape(count, 2 * length, -1)),
-        by_point=by_point.reshape(count, 2 * length, 3),
+        by_pose=by_pose,
+        by_point=by_point,
         magnification=depth[:, :1] / depth,
         rays=tracks.points - world_from_camera[tracks.frames[:, 0], :3, 3],
         born=np.ones(count, dtype=np.bool_) if tracks.born is None else tracks.born,
+        beside=None if rig is None else of_tracks(*_derivatives_beside(rig, poses, points)),
     )
+
+
+def _derivatives_beside(
+    rig: Rig, poses: NDArray[np.float64], points: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Derivatives of images in a second camera by the poses of the first, (n, 2, 6), and by points, (n, 2, 3).
+
+    Where the first camera turns by a about its axes and moves by b, the second at t, turned by S, turns by S' a about
+    its own and moves by b + R (a x t).
+    """
+    by_second, by_point = image_derivatives(rig.camera, poses @ rig.first_from_second, points)
+    place = np.tile(rig.first_from_second[:3, 3], (len(poses), 1))
+    turned = by_second[..., :3] @ rig.first_from_second[:3, :3].T
+    moved = by_second[..., 3:] @ poses[:, :3, :3] @ cross_matrices(place)
+    return np.concatenate([turned - moved, by_second[..., 3:]], axis=-1), by_point
 
 
 def trajectory(motion: Motion, n_frames: int) -> NDArray[np.float64]:
@@ -544,9 +589,14 @@ class TrackGates:
     draws: Sequence[NDArray[np.float64]]
 
     @classmethod
-    def of(cls, window: Sequence[LinearTracks], noise: TrackNoise, *, seed: int = 0) -> "TrackGates":
+    def of(cls, window: Sequence[LinearTracks], noise: TrackNoise) -> "TrackGates":
         """Those of a noise."""
-        random, actual = np.random.default_rng(seed), true_covariances(window, noise)
+        return cls.of_covariances(window, true_covariances(window, noise))
+
+    @classmethod
+    def of_covariances(cls, window: Sequence[LinearTracks], actual: Covariances) -> "TrackGates":
+        """Those of errors with these covariances."""
+        random = np.random.default_rng(0)
         return cls(window, actual, [random.chisquare(1.0, (len(one), _DRAWS, one.shape[1])) for one in actual])
 
     def factors(

@@ -125,6 +125,11 @@ class Interval:
         low, high = (None if bound is None else min(max(bound, least), most) for bound in (self.low, self.high))
         return Interval(value=min(max(self.value, least), most), low=low, high=high)
 
+    def times(self, factor: float) -> "Interval":
+        """A product with a positive number, with its bounds."""
+        low, high = (None if bound is None else bound * factor for bound in (self.low, self.high))
+        return Interval(value=self.value * factor, low=low, high=high)
+
     def require_within(self, name: str, **bounds: float) -> None:
         """Raise InvalidValueError, naming the field, unless all numbers are finite and within bounds."""
         for number in (self.value, self.low, self.high):
@@ -314,6 +319,35 @@ class KnownPoints:
         require_bounds(self)
         self.sigma.require_within("sigma", ge=0.0, le=MOST_PX)
         _require_variance(self.per_feature)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OfBoth:
+    """What positions in two cameras are to an estimator: see `tracknoise.estimators.two_cameras`.
+
+    Parameters
+    ----------
+    correlation
+        Of the errors in both cameras, of those older than 0 frames.
+    sigma_ratio
+        Sigma for both cameras, over that for the second alone, for a free landmark and the newest pose.
+    position_ratio, rotation_ratio
+        Errors of the newest pose with both cameras, over those with the first alone, where the scale is known.
+    windows
+        Number of windows.
+    """
+
+    correlation: Annotated[float, Ge(-1), Le(1)]
+    sigma_ratio: Annotated[float, Gt(0), Le(_MOST_RATIO)]
+    position_ratio: Interval
+    rotation_ratio: Interval
+    windows: Annotated[int, Ge(1)]
+
+    def __post_init__(self) -> None:
+        """Refuse ratios that no cameras have."""
+        require_bounds(self)
+        _require_ratio("position_ratio", self.position_ratio)
+        _require_ratio("rotation_ratio", self.rotation_ratio)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

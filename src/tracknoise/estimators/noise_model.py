@@ -30,6 +30,7 @@ from tracknoise.estimators.model import (
     Kernel,
     KnownPoints,
     Landmark,
+    OfBoth,
     Pixels,
     Purpose,
     Tails,
@@ -160,6 +161,9 @@ class NoiseModel:
         What the gate of a filter does, tried on the same tracks; None without a sample.
     known_points
         Sigmas for one pose from known points, from the same tracks.
+    of_both
+        What positions in two cameras are to an estimator, of a tracker of a second camera: then equivalents, kernels,
+        gate_trial and known_points are for the positions in both. None of others.
     """
 
     __pydantic_config__ = STRICT
@@ -183,6 +187,7 @@ class NoiseModel:
     kernels: tuple[Kernel, ...] = ()
     gate_trial: TriedGate | None = None
     known_points: tuple[KnownPoints, ...] = ()
+    of_both: OfBoth | None = None
 
     def __post_init__(self) -> None:
         """Refuse shares and lengths that no noise has."""

@@ -51,15 +51,21 @@ _STEP_PX = 1e-6
 
 
 def tried_gate(
-    drawn: Sequence[DrawnWindow], newest: Equivalent, *, dataset: str, groups: SceneGroups, level: float
+    drawn: Sequence[DrawnWindow],
+    newest: Equivalent,
+    *,
+    dataset: str,
+    groups: SceneGroups,
+    level: float,
+    cameras: int = 1,
 ) -> TriedGate | None:
     """NEES of the newest pose with its gate, over that without; None with too few windows.
 
-    `newest`: for a free landmark, in such windows. Its sigma makes the NEES without a gate 1.
+    `newest`: for a free landmark, in such windows, of so many cameras. Its sigma makes the NEES without a gate 1.
     """
     if len(drawn) < _LEAST_WINDOWS or newest.sigma.value <= 0.0 or newest.gate_80 is None:
         return None
-    factor = track_gate(newest.gate_80, newest.window)
+    factor = track_gate(newest.gate_80, newest.window, cameras)
     rows = [
         {"dataset": dataset, "scene": one.scene, "windows": 1.0, **_gated(one, newest.sigma.value, factor)}
         for one in drawn
@@ -67,8 +73,8 @@ def tried_gate(
     known = pl.DataFrame(rows).filter(pl.col("gated").is_finite())
     if known.height < _LEAST_WINDOWS:
         return None
-    nees = _over_scenes(known, "gated", "all", "log", groups, level)
-    passed = _over_scenes(known, "passed", "windows", "logit", groups, level)
+    nees = over_scenes(known, "gated", "all", "log", groups, level)
+    passed = over_scenes(known, "passed", "windows", "logit", groups, level)
     return TriedGate(nees=nees, passed=passed, window=newest.window, windows=known.height)
 
 
@@ -97,7 +103,7 @@ def _nees(one: DrawnWindow, errors: Sequence[Array], weights: Sequence[Array]) -
     return normalised(error[0, -NEWEST:], claimed[0, -NEWEST:, -NEWEST:])
 
 
-def _over_scenes(rows: pl.DataFrame, value: str, per: str, scale: str, groups: SceneGroups, level: float) -> Interval:
+def over_scenes(rows: pl.DataFrame, value: str, per: str, scale: str, groups: SceneGroups, level: float) -> Interval:
     """Sum of a column over that of another one, with its interval over scenes. `rows`: also dataset and scene."""
     sums = rows.group_by("dataset", "scene").agg(pl.col(per, value).sum()).sort("scene")
     units = units_of(sums, points=[], columns=[per, value], groups=groups)
@@ -172,7 +178,7 @@ def _known_points(
                 {"dataset": own["dataset"][0], "scene": scene, "n": 1.0, "square": _square(own, loss)}
                 for (scene,), own in some.group_by("scene", maintain_order=True)
             ]
-            square = _over_scenes(pl.DataFrame(rows), "square", "n", "log", groups, level)
+            square = over_scenes(pl.DataFrame(rows), "square", "n", "log", groups, level)
             if square.value > 0.0:
                 yield KnownPoints(
                     window=length, kernel=kernel, knee_px=None if kernel is None else knee_px, sigma=_root(square)

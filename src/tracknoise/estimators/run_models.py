@@ -34,6 +34,9 @@ def _advice() -> Rows:
         "observation_gate": ("gate_to_set", {"against": "observation"}),
         "innovations": ("sigma_of_innovations", {}),
         "gated_nees": ("nees_with_gate", {}),
+        "correlation_of_both": ("correlation_of_both", {}),
+        "position_of_both": ("position_of_both", {}),
+        "rotation_of_both": ("rotation_of_both", {}),
     }
     values = by_quantity(names, same("low", "high", "level", "n_scenes", "why"), axis="window", against=None)
     packed = {"part": ("estimator", "landmark", "purpose", "kernel")}
@@ -65,6 +68,9 @@ ADVICE = RunTable(
         "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
         "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
         "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right."),
+        "correlation_of_both": Quantity("1", "Correlation of errors in both cameras, whose positions sigma is for."),
+        "position_of_both": Quantity("1", "Error of the newest position with both cameras over that with the first."),
+        "rotation_of_both": Quantity("1", "Error of the newest rotation with both cameras over that with the first."),
     },
 )
 """What to set in the estimator of the experiment: see `tracknoise.estimators.advice`.
@@ -73,8 +79,10 @@ estimator is its name in docs/estimators/exports.md, kernel its robust loss, nul
 features in its state, which observation_gate then belongs to) and innovations are in px, knee is in sigmas, gates
 are factors on chi-square quantiles at .95. features is how many of a frame have their errors in common in sigma; there
 is none where sigma takes them as independent. gated_nees is the NEES of the newest pose with sigma and the gate of
-tracks, where it was tried. why says why windows are simulated; it is null where they are not. level is that of the
-interval; it is null without one. n_scenes is how many scenes the model was fitted to.
+tracks, where it was tried. Of a tracker of a second camera, sigma is for the positions in both: then there are the
+correlation of their errors, and by how much the second camera changes the errors of the newest pose. why says why
+windows are simulated; it is null where they are not. level is that of the interval; it is null without one. n_scenes is
+how many scenes the model was fitted to.
 """
 
 _RECORD, _FOLDER = "noise/models.json", "statistics/"
@@ -203,6 +211,9 @@ def advice_table(
         numbers |= {f"{gate}_gate": Interval(value=factor) for gate, factor in found.every_gate.items()}
         numbers |= {} if found.gated is None else {"gated_nees": found.gated.nees}
         numbers |= {} if found.knee is None else {"knee": Interval(value=found.knee)}
+        if (both := model.of_both) is not None:
+            numbers |= {"correlation_of_both": Interval(value=both.correlation)}
+            numbers |= {"position_of_both": both.position_ratio, "rotation_of_both": both.rotation_ratio}
         about = {
             "dataset": model.training.dataset,
             "tracker": tracker,

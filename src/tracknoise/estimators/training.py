@@ -15,6 +15,7 @@ from tracknoise.estimators.linear_window import (
     CAMERA,
     LinearTracks,
     Motion,
+    Rig,
     determines_poses,
     linear_tracks,
     simulated_tracks,
@@ -28,7 +29,7 @@ from tracknoise.inference.units import SceneGroups, scheme
 from tracknoise.statistics.grouping import without_blocks
 from tracknoise.tables.identity import SequenceId, readable
 from tracknoise.tables.manifest import SequenceEntry
-from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, TRACK_ERRORS, empty
+from tracknoise.tables.schema import NOISE_PAIRS, NOISE_SUMS, ORIGIN, PAIR_TRACKS, TRACK_ERRORS, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.tables.truth_audit import AuditTables
@@ -98,6 +99,7 @@ def _size_note(sizes: set[tuple[int, int]]) -> Iterable[str]:
 
 
 _NEEDED, _PAIRS, _TRACK_ERRORS = "noise_sums", "noise_pairs", "track_errors"
+_PAIR_TRACKS, _RIG = "pair_tracks", "rig"
 _OTHERS = ("noise_outliers", "noise_covariates", "samples", "ends", "window_noise", "noise_tracks", "floors", "rigid")
 _USED = {
     "samples": ("dataset", "scene", "rotation", "direction", "tracker", "speed", "at", "du_px", "dv_px"),
@@ -242,6 +244,9 @@ def all_training_tables(
     if not has_pairs:
         of[_PAIRS] = [empty(NOISE_PAIRS)] * len(wanted)
     of[_TRACK_ERRORS] = _of_tracks(folder, chosen, wanted)
+    has_rig = all({_PAIR_TRACKS, _RIG} <= set(entry.sha256) for entry in chosen.values())  # a second camera is measured
+    pairs = _pooled(folder, _PAIR_TRACKS, tuple(chosen), wanted) if has_rig else [empty(PAIR_TRACKS)] * len(wanted)
+    of[_PAIR_TRACKS] = pairs
     read = [
         TrainingTables(
             tracker=tracker,
@@ -349,6 +354,7 @@ class Recording:
     camera: pl.DataFrame  # schema `CAMERAS`, with at least one row
     sights: NDArray[np.float64]  # (n, 3) float64: u, v (px) and depth (m) of points at first sight
     lifetimes: NDArray[np.int64]  # (n,): lengths of tracks, frames of the tracker
+    rig: Rig | None = None  # the second camera, of a tracker of it
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -396,9 +402,8 @@ def windows_of(recording: Recording, *, speed: int, length: int, count: int) -> 
         apart = np.linalg.norm(poses[-1, :3, 3] - poses[0, :3, 3])
         if apart < _LEAST_MOTION * np.median(recording.sights[:, 2]):
             continue
-        tracks = _linear(
-            _pinhole(recording.camera), poses, recording.lifetimes, recording.sights, before, seed=of_scene + place
-        )
+        camera, seed = pinhole(recording.camera), of_scene + place
+        tracks = _linear(camera, poses, recording.lifetimes, recording.sights, before, seed=seed, rig=recording.rig)
         if sum(len(one.rays) for one in tracks) >= _LEAST_TRACKS:
             yield tracks
 
@@ -411,6 +416,7 @@ def _linear(
     before: NDArray[np.float64] | None = None,
     *,
     seed: int = 0,
+    rig: Rig | None = None,
 ) -> Sequence[LinearTracks]:
     """Tracks of one window, more of them where they do not determine its poses; none where more do not either."""
     length = len(poses)
@@ -420,7 +426,7 @@ def _linear(
         drawn = simulated_tracks(
             poses, n_tracks=more * count, lengths=lifetimes, seed=seed, camera=camera, sights=sights, before=before
         )
-        window = [linear_tracks(camera, poses, tracks) for tracks in drawn]
+        window = [linear_tracks(camera, poses, tracks, rig=rig) for tracks in drawn]
         if determines_poses(window):
             return window
     return []
@@ -446,7 +452,7 @@ def _spread(
             yield found[start - begin :], found[: start - begin]
 
 
-def _pinhole(table: pl.DataFrame) -> Camera:
-    """The camera without its distortion."""
+def pinhole(table: pl.DataFrame) -> Camera:
+    """The camera of a table without its distortion."""
     names = ("width", "height", "fx_px", "fy_px", "cx_px", "cy_px")
     return Camera(*table.select(names).row(0))

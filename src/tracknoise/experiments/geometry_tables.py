@@ -12,16 +12,16 @@ from tracknoise.geometry.pose import invert, position_rows, transform
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
-from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, shutter_of, times_of
+from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, second_of, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
-from tracknoise.statistics.pair_sums import pair_sums
+from tracknoise.statistics.pair_sums import pair_sums, pair_tracks
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import audited_observations, births_with_depth
 from tracknoise.statistics.windows import noise_tracks, window_noise
 from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, DEPTH_REPEATS, PATH
 from tracknoise.tables.identity import Direction
-from tracknoise.tables.schema import POSES, QUALITY_PREFIX, SEQUENCE, Schema, check, empty, of_second_camera
+from tracknoise.tables.schema import POSES, QUALITY_PREFIX, RIG, SEQUENCE, Schema, check, empty, of_second_camera
 from tracknoise.truth.beside import beside
 from tracknoise.truth_faults.depth_repeats import depth_repeats
 from tracknoise.truth_faults.pose_errors import rigid_tables
@@ -141,7 +141,8 @@ def geometry_tables(
         of_second = prepared.of_trackers(beside_it), frame_geometry(beside(sequence), n_frames)
         more = _of_errors(*of_second, experiment.truth.population, truth)
         tables = {name: _together(tables[name], more[name]) for name in tables}
-        tables["pair_sums"] = pair_sums(of_second[0])
+        tables |= {"pair_sums": pair_sums(of_second[0]), "rig": rig_table(sequence)}
+        tables |= {"pair_tracks": pair_tracks(of_second[0], more["noise_tracks"])} if "noise_tracks" in more else {}
     return {
         **camera_tables(sequence, n_frames),
         "audit_samples": audit_samples(sequence, first, truth),
@@ -168,6 +169,17 @@ def camera_tables(sequence: Sequence, n_frames: int) -> dict[str, pl.DataFrame]:
         **_path(sequence, n_frames),
         "cameras": cameras_table(sequence, n_frames),
     }
+
+
+def rig_table(sequence: Sequence) -> pl.DataFrame:
+    """Table `RIG` of a sequence with a second camera."""
+    second = second_of(sequence)
+    assert second is not None, "it has one"
+    labels = {name: [getattr(sequence.id, name)] for name in SEQUENCE}
+    camera = {name: [value] for name, value in _camera(second.camera).items() if name in RIG}
+    place = dict(zip(_POSITION, position_rows(second.first_from_second[None]).T, strict=True))
+    rows = {name: {**labels, **camera, **place}.get(name, [None]) for name in RIG}
+    return pl.DataFrame(rows, schema=dict(RIG))
 
 
 def _together(first: pl.DataFrame, second: pl.DataFrame) -> pl.DataFrame:

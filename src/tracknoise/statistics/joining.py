@@ -40,6 +40,7 @@ _ROWS = (
     "audit_samples",
     "noise_tracks",
     "track_errors",
+    "pair_tracks",
 )
 """Tables of single things, which follow each other."""
 _FOURTH = ("moments", "aspects", "seed_moments", "kind_moments")
@@ -268,6 +269,11 @@ def _depth_repeats(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     return table.sort("depth_m")
 
 
+def _rig(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """The second camera, which is that of all parts."""
+    return table.head(1)
+
+
 def _film(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     """Images of frames, in their order."""
     return table.sort("frame")
@@ -291,6 +297,7 @@ _JOINS: Mapping[str, Callable[[pl.DataFrame, Schema], pl.DataFrame]] = MappingPr
         "point_tracking": _metrics,
         "patches": _patches,
         "film": _film,
+        "rig": _rig,
         "depth_repeats": _depth_repeats,
     }
 )

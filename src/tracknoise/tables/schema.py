@@ -350,6 +350,23 @@ second, and of one with the other, px^2. sum_along is of the short ones, px; sum
 both cameras over true ones. The lists are histograms of |across_px|, |along_px| and these logarithms in units of .001.
 """
 
+PAIR_TRACKS: Schema = {
+    **ORIGIN,
+    "track": pl.UInt32,
+    "stands_for": pl.Float32,
+    "age": pl.UInt32,
+    **dict.fromkeys(("first_du_px", "first_dv_px", "du_px", "dv_px"), pl.Float32),
+}
+"""Errors in both cameras of the tracks of `NOISE_TRACKS` of trackers of a second camera."""
+
+RIG: Schema = {
+    **SEQUENCE,
+    **dict.fromkeys(("width", "height"), pl.Int32),
+    **dict.fromkeys(("fx_px", "fy_px", "cx_px", "cy_px"), pl.Float64),
+    **dict.fromkeys(("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"), pl.Float64),
+}
+"""The second camera of a sequence, without its distortion, and its pose in the frame of the first: one row."""
+
 FITTED_NOISE: Schema = {
     **ORIGIN,
     "block": pl.UInt8,

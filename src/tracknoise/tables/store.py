@@ -102,6 +102,8 @@ _OF_LATER_VERSIONS: Mapping[str, schema.Schema] = {
     "depth_repeats": findings_schema.DEPTH_REPEATS,
     "covariance_sums": schema.COVARIANCE_SUMS,
     "pair_sums": schema.PAIR_SUMS,
+    "pair_tracks": schema.PAIR_TRACKS,
+    "rig": schema.RIG,
 }
 """Tables that sequences of earlier versions do not have."""
 KIND_TABLES: Mapping[str, schema.Schema] = {

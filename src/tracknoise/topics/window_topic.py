@@ -106,6 +106,13 @@ def _advised(
     text = joined(
         [text, f"Innovations will look like {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
     )
+    if "position_of_both" in advice:
+        position, rotation = advice["position_of_both"], advice["rotation_of_both"]
+        text += (
+            f" This is for positions in both cameras. With them, errors of the newest position are "
+            f"{format_estimate(position)} times those with the first camera alone, and of its rotation "
+            f"{format_estimate(rotation)} times."
+        )
     stated = {**advice, "innovations": replace(innovations, low=None, high=None)}
     return Part(text, [stated[name] for name in _SAID if name in stated], f"{tracker}: set {most}{short(sigma)}.")
 
@@ -124,7 +131,8 @@ def _together(kernel: str | None, advice: Quantities) -> str:
 
 
 _GATED = {"track": "tracks", "observation": "single observations"}
-_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "gated_nees", "innovations")
+_OF_BOTH = ("position_of_both", "rotation_of_both")
+_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "gated_nees", "innovations", *_OF_BOTH)
 """Quantities in the order of the sentences."""
 
 

@@ -17,7 +17,7 @@ from tracknoise.topics.measures import Subject
 from tracknoise.topics.scene_topic import certainty, holds, measured
 from tracknoise.topics.statements import findings
 from tracknoise.topics.truth_topic import truth
-from tracknoise.topics.window_topic import advised, sigma_sentence
+from tracknoise.topics.window_topic import advised, is_for_both, sigma_sentence
 from tracknoise.words import SPACE, TIMES, number, pixels, px
 
 
@@ -49,7 +49,8 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
             limit = limit_text(advice["sigma"]["kernel"], {name: row["value"] for name, row in advice.items()})
             window = advice["sigma"]["window"]
             features = int(advice["features"]["value"]) if "features" in advice else None
-            yield NoiseToSet(tracker, data.colour[tracker], window, features, sigma, is_bound, limit, innovations)
+            cameras, colour = 2 if is_for_both(advice) else 1, data.colour[tracker]
+            yield NoiseToSet(tracker, colour, window, features, sigma, is_bound, limit, innovations, cameras)
 
 
 def _number(row: Mapping[str, Any]) -> Number:

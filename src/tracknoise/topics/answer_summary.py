@@ -128,6 +128,8 @@ class NoiseToSet:
         What belongs to sigma: a factor on chi-square gates, or a robust loss with its knee. Empty where there is none.
     innovations
         What innovations look like, px.
+    cameras
+        Of how many cameras positions are that sigma is for: 2 of a tracker of a second camera.
     """
 
     tracker: str
@@ -138,6 +140,7 @@ class NoiseToSet:
     is_bound: bool
     limit: str
     innovations: Number
+    cameras: int = 1
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """The noise to set in an estimator, what makes depths of points as certain as they are, and what residuals say."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import Any
@@ -106,7 +106,7 @@ def _advised(
     text = joined(
         [text, f"Innovations will look like {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
     )
-    if "position_of_both" in advice:
+    if is_for_both(advice):
         position, rotation = advice["position_of_both"], advice["rotation_of_both"]
         text += (
             f" This is for positions in both cameras. With them, errors of the newest position are "
@@ -115,6 +115,11 @@ def _advised(
         )
     stated = {**advice, "innovations": replace(innovations, low=None, high=None)}
     return Part(text, [stated[name] for name in _SAID if name in stated], f"{tracker}: set {most}{short(sigma)}.")
+
+
+def is_for_both(advice: Collection[str]) -> bool:
+    """Whether sigma is for positions in two cameras. `advice`: quantities of table `ADVICE` for a tracker."""
+    return "position_of_both" in advice
 
 
 def _together(kernel: str | None, advice: Quantities) -> str:
@@ -303,9 +308,10 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
     more = f" and a knee of {number(advice['knee']['value'])} sigma" if "knee" in advice else more
+    both = ", for both cameras" if is_for_both(advice) else ""
     return joined(
         [
-            f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}; "
+            f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}{both}; "
             f"innovations look like {pixels(innovations['value'])} px.",
             f"This is for {_windows([*advice.values()])}.",
             short_tracks(lifetime, sigma["window"]),

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from tracknoise.exceptions import SettingsError
+from tracknoise.exceptions import SettingsError, UnknownNameError
+from tracknoise.geometry.cameras import EquidistantCamera
 from tracknoise.geometry.pose import PosePath, invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.reader_registry import make_reader, open_sequence
@@ -154,6 +155,43 @@ def test_the_second_camera_has_the_shutter_too() -> None:
     np.testing.assert_array_equal(second[10], np.clip(np.rint(whole[10] * 255.0), 0, 255))
 
 
+@pytest.mark.parametrize("imaging", [{"rate_hz": RATE_HZ}, ROLLED])
+def test_images_of_the_second_camera_may_be_late(imaging: dict[str, float]) -> None:
+    """By a frame, they are those of the next frame; those of the first camera stay."""
+    stated = opened(frames=4, imaging=imaging, baseline_m=0.2)
+    late = opened(frames=4, imaging=imaging, baseline_m=0.2, second_delay_frames=1.0)
+    np.testing.assert_array_equal(late.second.images(1), stated.second.images(2))
+    np.testing.assert_array_equal(late.image(1), stated.image(1))
+    half = opened(frames=4, imaging=imaging, baseline_m=0.2, second_delay_frames=0.5).second.images(1)
+    assert not np.array_equal(half, stated.second.images(1))
+
+
+def test_the_second_camera_may_have_another_lens() -> None:
+    """A point on the surface is where the second lens shows it: with the same grey value as in the first image."""
+    options = {"lens": "radtan", "distortion": [-0.1, 0.02, 0.0, 0.0], "hfov_deg": 70.0, "baseline_m": 0.2}
+    of_second = {"second_lens": "equidistant", "second_distortion": [-0.02, 0.01, 0.0, 0.0], "second_hfov_deg": 100.0}
+    sequence = opened("sideways", frames=3, supersampling=4, **options, **of_second)
+    second = sequence.second
+    assert isinstance(second.camera, EquidistantCamera)
+    assert second.camera.distortion == (-0.02, 0.01, 0.0, 0.0)
+    assert sequence.camera == opened("sideways", frames=3, **{**options, "baseline_m": 0.0}).camera
+    narrow = opened("sideways", frames=3, **options, second_lens="pinhole", second_hfov_deg=50.0).second.camera
+    assert (narrow.distortion, narrow.fx) == ((), pytest.approx(WIDTH / 2.0 / np.tan(np.deg2rad(25.0))))
+    same = opened("sideways", frames=3, **options).second.camera
+    assert same == sequence.camera
+    uv = places()
+    points, hit = sequence.cast(1, uv)
+    pose = sequence.world_from_camera[1] @ second.first_from_second
+    shown = second.camera.project(transform(invert(pose), points))
+    inside = hit & second.camera.contains(shown)
+    grey = [cv2.GaussianBlur(image, (0, 0), 1.0) for image in (sequence.image(1), second.images(1))]
+    values = [
+        cv2.remap(image, at[None, inside].astype(np.float32), None, cv2.INTER_LINEAR)[0].astype(float)
+        for image, at in zip(grey, (uv, shown), strict=True)
+    ]
+    assert np.corrcoef(values)[0, 1] > 0.9
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -161,10 +199,16 @@ def test_the_second_camera_has_the_shutter_too() -> None:
         ({"imaging": {"auto_exposure": {"light_step": 0}}}, "imaging.auto_exposure.light_step is 0"),
         ({"imaging": {"readout": 0.01}}, "imaging.readout: unknown setting .did you mean 'readout_s'"),
         ({"imaging": ROLLED, "frames": 1}, "frames is 1, expected at least 2"),
+        ({"second_delay_frames": 1.0}, "second_delay_frames needs a baseline_m"),
+        ({"second_hfov_deg": 50.0}, "second_hfov_deg needs a baseline_m"),
+        ({"baseline_m": 0.1, "second_delay_frames": 1.0, "frames": 1}, "frames is 1, expected at least 2"),
+        ({"baseline_m": 0.1, "second_lens": "equidistant"}, r"second_distortion is \[\], expected 4 numbers"),
+        ({"baseline_m": 0.1, "second_lens": "glass"}, "unknown second_lens 'glass'"),
+        ({"baseline_m": 0.1, "second_distortion": [np.nan]}, "second_distortion is .nan., expected finite numbers"),
         ({"faults": {"focal": -1.0}}, "faults.focal is -1.0, expected a number above -1"),
         ({"faults": {"clock_s": 0.1, "clock_frames": 1.0}}, "faults.clock_frames is 1.0, expected 0"),
     ],
 )
 def test_wrong_options_give_one_line_that_names_them(options: dict[str, object], message: str) -> None:
-    with pytest.raises(SettingsError, match=message):
+    with pytest.raises((SettingsError, UnknownNameError), match=message):
         make_reader("simulated", None, options)

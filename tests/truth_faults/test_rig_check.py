@@ -105,6 +105,14 @@ def test_a_fault_is_named_with_its_size(simulated, change, name, size):
     assert item.values[size[0]] == pytest.approx(size[1], rel=0.15)
 
 
+def test_a_simulated_delay_is_named_with_its_size():
+    options = {"motions": ["fixating"], "frames": FRAMES, "width": 320, "height": 240, "baseline_m": 0.12}
+    item = second_camera(open_sequence("simulated", seed=2, second_delay_frames=0.5, **options))
+    assert "images of the second camera were taken" in item.text
+    assert "frames after those of the first" in item.text
+    assert item.values["delay_frames"] == pytest.approx(0.5, rel=0.15)
+
+
 def test_a_baseline_of_the_wrong_sign_is_named(simulated):
     item = second_camera(Pair(simulated, moved(factor=-1.0)))
     assert "wrong sign" in item.text

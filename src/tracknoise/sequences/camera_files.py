@@ -265,7 +265,9 @@ _UNIT, _SCALE = "depth_unit_m", "depth_scale"
 _OWN = {name: lens.numbers for name, lens in LENSES.items() if lens.numbers}
 """Numbers of a model that have keys of their own."""
 _OWN_KEYS = tuple(dict.fromkeys(key for keys in _OWN.values() for key in keys))
-_OPTIONAL = ("model", "distortion", *_OWN_KEYS, _UNIT, _SCALE, READOUT, "source")
+SECOND = "second"
+"""Key of the camera beside the first: see `tracknoise.sequences.camera_pairs`."""
+_OPTIONAL = ("model", "distortion", *_OWN_KEYS, _UNIT, _SCALE, READOUT, "source", SECOND)
 _ROUNDED = 1e-3
 """Largest relative difference between two that mean the same, such as 0.000192 and 5208."""
 _WHOLE = ("pinhole", "radtan")
@@ -459,7 +461,8 @@ def _size(entries: Entries, size: tuple[int, int] | None) -> tuple[int, int]:
 
 _NAME = re.compile(r"cam\d+")
 _FROM_BODY, _TO_BODY = "T_cam_imu", ("T_BS", "T_imu_cam")
-_FROM_PREVIOUS = "T_cn_cnm1"
+FROM_PREVIOUS = "T_cn_cnm1"
+"""Maps points of the camera before into those of a camera."""
 
 
 def cameras_of(entries: Entries) -> list[str]:
@@ -537,8 +540,8 @@ def _along_chain(entries: Entries, names: list[str]) -> NDArray[np.float64] | No
     for name in names:
         part = entries.part(name)
         body_from_camera = _body_from_camera(part)
-        if body_from_camera is None and previous is not None and part.name(_FROM_PREVIOUS):
-            body_from_camera = previous @ invert(part.rigid(_FROM_PREVIOUS))
+        if body_from_camera is None and previous is not None and part.name(FROM_PREVIOUS):
+            body_from_camera = previous @ invert(part.rigid(FROM_PREVIOUS))
         previous = body_from_camera
     return previous
 
@@ -561,7 +564,7 @@ def read_camera_file(
     pairs; by default the first; `size`: width and height of the images, px, for a file that does not say; `lens`: that
     of a file of OpenCV with 4 coefficients, which does not say.
     """
-    entries = Entries(path, _values(path))
+    entries = read_entries(path)
     if lens is not None and not has_matrix(entries, camera):
         raise DataError(path, f"lens = {lens} for a file that states the model of its camera", "no option lens")
     if cameras_of(entries):
@@ -581,8 +584,13 @@ def read_camera_file(
 
 def cameras_in(path: Path) -> list[str]:
     """Names of the cameras of a file that numbers them, ``cam0`` first; empty for other files."""
-    entries = Entries(path, _values(path))
+    entries = read_entries(path)
     return cameras_of(entries) or camera_names(entries)
+
+
+def read_entries(path: Path) -> Entries:
+    """Keys and values of a camera file of any kind."""
+    return Entries(path, _values(path))
 
 
 def _of_system(entries: Entries, camera: str | None, size: tuple[int, int] | None) -> CameraFile:

@@ -17,14 +17,14 @@ from numpy.typing import NDArray
 from tracknoise.checks import NotNegative, require_bounds, require_finite
 from tracknoise.exceptions import DataError, TracknoiseError, UnknownNameError
 from tracknoise.foreign_files import read_text
-from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.sequences.camera_files import CameraFile, cameras_in, read_camera_file, read_yaml
-from tracknoise.sequences.images import Levels, level_notes, read_gray, require_levels
+from tracknoise.sequences.images import Levels, level_notes, require_levels
 from tracknoise.sequences.likely_times import StatedBy, require_likely_rate, require_pose_rate
 from tracknoise.sequences.poses import checked_poses, no_poses
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence
 from tracknoise.sequences.scenes import SceneReader, find_scenes, with_option
+from tracknoise.sequences.second_camera import SomeImages
 from tracknoise.sequences.sequence import Body, SecondCamera
 from tracknoise.sequences.timed_poses import (
     in_order,
@@ -35,7 +35,7 @@ from tracknoise.sequences.timed_poses import (
     trajectory,
 )
 from tracknoise.tables.identity import SequenceId
-from tracknoise.text import counted, counted_of
+from tracknoise.text import counted
 from tracknoise.time_units import TimeUnit, unit_of_clock
 
 _DEVICE, _DATA, _SENSOR = "mav0", "data.csv", "sensor.yaml"
@@ -277,34 +277,21 @@ def find_second(
     try:
         of_both = camera_file if camera_file is not None and cameras_in(camera_file) else None
         calibration = read_camera(of_both or files.calibration(name), name)
-        paths = _paths_at(files, name, times_ns, unit)
+        paths, numbers = _paths_at(files, name, times_ns, unit)
     except TracknoiseError as error:
         return None, (f"{name} gives no depth: {error}",)
     assert calibration.body_from_camera is not None, "checked when it was read"
     first_from_second = invert(body_from_first) @ calibration.body_from_camera
-    missing = paths.count(None)
-    have = counted_of(missing, len(paths), "frame", "has", "have")
-    notes = (f"{have} no image of {name}, and no depth from it",) if missing else ()
-    return SecondCamera(calibration.camera, first_from_second, _SomeImages(paths, calibration.camera, levels)), notes
+    images = SomeImages(ImageFiles(paths, calibration.camera, levels), numbers)
+    return SecondCamera(calibration.camera, first_from_second, images), images.notes(name)
 
 
-@dataclass(frozen=True, slots=True)
-class _SomeImages:
-    """Reads the image of a frame; None for a frame without one."""
+def _paths_at(
+    files: Files, camera: str, times_ns: NDArray[np.int64], unit: TimeUnit | None
+) -> tuple[tuple[Path, ...], tuple[int, ...]]:
+    """The images of a camera at some times, to the nanosecond: cameras of a pair are triggered together.
 
-    paths: tuple[Path | None, ...]
-    camera: CameraModel
-    levels: Levels | None
-
-    def __call__(self, index: int) -> NDArray[np.uint8] | None:
-        path = self.paths[index]
-        return None if path is None else read_gray(path, self.camera, levels=self.levels)
-
-
-def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64], unit: TimeUnit | None) -> tuple[Path | None, ...]:
-    """The image of a camera at each time, to the nanosecond: cameras of a pair are triggered together.
-
-    None where the list has none, or its file is missing.
+    `numbers`: which of them is that of each time; -1 where the list has none, or its file is missing.
     """
     table = read_table(files.list_of_images(camera), _IMAGE_COLUMNS, unit, _UNIT)
     listed = dict(zip(table.times_ns.tolist(), file_names(table), strict=True))
@@ -313,7 +300,8 @@ def _paths_at(files: Files, camera: str, times_ns: NDArray[np.int64], unit: Time
     if not there:
         times = counted(len(times_ns), "time")
         raise DataError(table.path, f"no image at any of {times}", "images at the times of frames")
-    return tuple(there.get(time) for time in times_ns.tolist())
+    numbers = {time: number for number, time in enumerate(there)}
+    return tuple(there.values()), tuple(numbers.get(time, -1) for time in times_ns.tolist())
 
 
 @dataclass(frozen=True, slots=True)

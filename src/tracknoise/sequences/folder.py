@@ -24,8 +24,14 @@ from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_folder, is_there, natural_order
 from tracknoise.geometry.cameras import LENSES, CameraModel, KnownCamera, model_of
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.pose import position_rows
+from tracknoise.geometry.pose import nearest, position_rows
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
+from tracknoise.sequences.camera_pairs import (
+    STATED_PLACES,
+    pose_of_numbers,
+    read_second,
+    require_pose_numbers,
+)
 from tracknoise.sequences.images import (
     first_readable,
     image_size,
@@ -53,7 +59,8 @@ from tracknoise.sequences.scenes import (
     scene_folder,
     with_option,
 )
-from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
+from tracknoise.sequences.second_camera import SomeImages
+from tracknoise.sequences.sequence import SecondCamera, Sequence, shutter_of, times_of
 from tracknoise.sequences.writing import new_folder, only_camera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
@@ -62,10 +69,13 @@ from tracknoise.time_units import TimeUnit, is_likely, rate_of, unit_of_clock
 _IMAGES, _DEPTH, _POSES, _CAMERA, _TIMES = "images", "depth", "poses.txt", "camera.json", "timestamps.txt"
 _PARTS = frozenset((_IMAGES, _DEPTH, _POSES, _CAMERA))
 _IMAGE, _IMAGE_ENDINGS = r"(\d+)\.(?:png|jpe?g)", (".png", ".jpg", ".jpeg", ".bmp")
-_KNOWN = {*_PARTS, _TIMES}
+_SECOND_IMAGES = "images_second"
+_KNOWN = {*_PARTS, _TIMES, _SECOND_IMAGES}
 _MOST_NAMED, _MOST_LEVELS = 8, 3
 _COLUMNS = "tx ty tz qx qy qz qw"
 _DEFAULT_MODEL = "radtan"
+_SAME_S = 1e-6
+"""Images of both cameras are of one time up to this: seconds since 1970 are rounded to 0.2 us."""
 _FIRST_CLOCK = 10**12
 """Smaller whole numbers in the names of images are numbers of frames; larger ones are times in ms, us or ns."""
 
@@ -90,6 +100,14 @@ class Folder(SceneReader):
         Which camera of that file, where it has several, such as ``cam1``; by default the first.
     lens
         Lens of a file of OpenCV with 4 coefficients and no word for it: ``radtan`` or ``equidistant``.
+    second_images
+        Folder of the images of a second camera, from the folder of a sequence; by default ``images_second``, if there.
+        An image belongs to the frame at its time, by its name or by ``timestamps.txt`` there, or of its name.
+    second_camera_file, second_camera
+        File of the second camera, and which of its cameras; by default the other one of the file of the first.
+    first_from_second
+        16 numbers, the rows of the pose of the second camera in the frame of the first, metres; by default that of the
+        files.
     image_levels
         Values of 16-bit images that become 0 and 255; values between are scaled linearly, others are clipped. Images
         of 8 bits are not changed.
@@ -108,6 +126,10 @@ class Folder(SceneReader):
     camera_file: Path | None = None
     camera: str | None = None
     lens: Lens | None = None
+    second_images: str | None = None
+    second_camera_file: Path | None = None
+    second_camera: str | None = None
+    first_from_second: tuple[float, ...] | None = None
     image_levels: tuple[float, float] | None = None
     time_unit: TimeUnit | None = None
 
@@ -115,6 +137,7 @@ class Folder(SceneReader):
         require_bounds(self)
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
+        require_pose_numbers("first_from_second", self.first_from_second)
 
     def recordings(self) -> list[SequenceId]:
         """All folders of images, however they are named, sorted: see `ImageReader.recordings`."""
@@ -137,6 +160,7 @@ class Folder(SceneReader):
         depths = _namesakes(folder / _DEPTH, images)
         read_depth = _depth_reader(folder, depths, self.depth_unit_m or stated.depth_unit_m)
         timestamps_s, start_ns, time_notes = self._times_of_images(folder, images)
+        second, second_notes = self._second(folder, stated, images, timestamps_s, start_ns)
         return RecordedSequence(
             id=sequence,
             source=str(images[0].parent),
@@ -148,6 +172,7 @@ class Folder(SceneReader):
             time_unit_stated=self.time_unit is not None,
             clock_start_ns=start_ns,
             shutter=stated.shutter,
+            second=second,
             images=ImageFiles(images, stated.camera, self.image_levels),
             depths=depth_files(depths, stated.camera, partial(_with_radius, read_depth, self.depth_radius_px)),
             notes=(
@@ -155,6 +180,7 @@ class Folder(SceneReader):
                 *level_notes(self.image_levels),
                 *time_notes,
                 *(depth_notes(depths) if any(depths) else ()),
+                *second_notes,
             ),
             group=parent_of(sequence.scene),
         )
@@ -169,15 +195,18 @@ class Folder(SceneReader):
         stated = stated or self._named_camera(first_readable(images))
         camera = stated.camera
         read_depth = _depth_reader(folder, depths, self.depth_unit_m or stated.depth_unit_m)
+        timestamps_s = _timestamps(folder / _TIMES, len(images), self.time_unit)
+        second, second_notes = self._second(folder, stated, images, timestamps_s, None)
         return RecordedSequence(
             id=sequence,
             source=str(folder / _IMAGES),
             camera=camera,
             world_from_camera=_poses(rows[: len(images)], places),
-            timestamps_s=_timestamps(folder / _TIMES, len(images), self.time_unit),
+            timestamps_s=timestamps_s,
             time_unit_stated=self.time_unit is not None,
             shutter=stated.shutter,
             body=stated.body,
+            second=second,
             images=ImageFiles(images, camera, self.image_levels),
             depths=depth_files(depths, camera, partial(_with_radius, read_depth, self.depth_radius_px)),
             notes=(
@@ -185,6 +214,7 @@ class Folder(SceneReader):
                 *level_notes(self.image_levels),
                 *surplus_notes(folder / _POSES, poses=len(rows), images=len(images)),
                 *(depth_notes(depths) if is_there(folder / _DEPTH) else ()),
+                *second_notes,
             ),
             group=parent_of(sequence.scene),
         )
@@ -193,6 +223,45 @@ class Folder(SceneReader):
         """The camera of the file that the options name; an image says its size where the file does not."""
         assert self.camera_file is not None, "otherwise each scene has its own"
         return read_camera_file(self.camera_file, camera=self.camera, size=image_size(image), lens=self.lens)
+
+    def _second(
+        self,
+        folder: Path,
+        first: CameraFile,
+        frames: tuple[Path, ...],
+        times_s: NDArray[np.float64] | None,
+        start_ns: int | None,
+    ) -> tuple[SecondCamera | None, tuple[str, ...]]:
+        """The second camera and notes on it. `start_ns`: time 0 where times are those in the names of images."""
+        inside = folder / (self.second_images or _SECOND_IMAGES)
+        if not is_folder(inside):
+            stated = (self.second_images, self.second_camera_file, self.second_camera, self.first_from_second)
+            if any(value is not None for value in stated):
+                raise DataError(inside, "no such folder", "the images of the second camera, as options state one")
+            return None, ()
+        images = tuple(inside / name for name in natural_order(image_names(inside, ".")))
+        if not images:
+            raise DataError(inside, "no images", "PNG, JPEG or BMP files of the second camera")
+        at_s = times_s if times_s is None or start_ns is None else times_s + start_ns / 1e9
+        named_in = None if start_ns is None else self.time_unit
+        numbers = _numbers_of_frames(inside, images, frames, at_s, (self.time_unit, named_in))
+        second, place = read_second(
+            first,
+            self.camera_file or folder / _CAMERA,
+            self.camera,
+            file=self.second_camera_file,
+            name=self.second_camera,
+            size=image_size(first_readable(images)),
+            lens=self.lens,
+        )
+        if self.first_from_second is not None:
+            place = pose_of_numbers("first_from_second", self.first_from_second)
+        if place is None:
+            source = self.second_camera_file or self.camera_file or folder / _CAMERA
+            raise DataError(source, "no pose of the second camera in the first", STATED_PLACES)
+        pictures = SomeImages(ImageFiles(images, second.camera, self.image_levels), numbers)
+        notes = (*(f"second camera: {note}" for note in second.notes), *pictures.notes("the second camera"))
+        return SecondCamera(second.camera, place, pictures), notes
 
     def _image_folders(self) -> dict[str, Path]:
         return find_scenes(
@@ -324,7 +393,7 @@ def _other_images(folder: Path) -> list[str]:
         inside = Path(name).relative_to(folder)
         if len(inside.parts) >= _MOST_LEVELS:
             below.clear()
-        below[:] = sorted(inner for inner in below if inner != _DEPTH)
+        below[:] = sorted(inner for inner in below if inner not in (_DEPTH, _SECOND_IMAGES))
         images += [(inside / file).as_posix() for file in natural_order(files) if file.lower().endswith(_IMAGE_ENDINGS)]
     return images
 
@@ -369,6 +438,38 @@ def _times_in_names(images: tuple[Path, ...], unit: TimeUnit | None) -> NDArray[
     times = [int(Decimal(stem) * (TimeUnit.ns.per_second // unit.per_second)) for stem in stems]
     increasing = all(first < second for first, second in pairwise(times))
     return np.array(times, np.int64) if increasing and times[-1] < 2**63 else None
+
+
+def _numbers_of_frames(
+    folder: Path,
+    images: tuple[Path, ...],
+    frames: tuple[Path, ...],
+    times_s: NDArray[np.float64] | None,
+    units: tuple[TimeUnit | None, TimeUnit | None],
+) -> tuple[int, ...]:
+    """Which image of the second camera is that of each frame, by times or by names; -1 where none is.
+
+    `times_s`: of frames; `units`: of a file of times, and of times in names.
+    """
+    others_s = _timestamps(folder / _TIMES, len(images), units[0])
+    if others_s is not None and (times_s is None or len(others_s) < len(images) or (np.diff(others_s) <= 0.0).any()):
+        found = f"{counted(len(others_s), 'time')} for {counted(len(images), 'image')} of the second camera"
+        raise DataError(folder / _TIMES, found, "an increasing time of each, and times of the first camera too")
+    if others_s is None and (times_ns := _times_in_names(images, units[1])) is not None:
+        others_s = times_ns / 1e9
+    if times_s is not None and others_s is not None:
+        numbers = tuple(nearest(times_s, others_s, max_gap_s=_SAME_S).tolist())
+    else:
+        by_name = {_number_or_name(image): number for number, image in enumerate(images)}
+        numbers = tuple(by_name.get(_number_or_name(frame), -1) for frame in frames)
+    if max(numbers, default=-1) < 0:
+        found = f"no image of any of {counted(len(frames), 'frame')}, such as {images[0].name}"
+        raise DataError(folder, found, f"names or times of the first camera, such as {frames[0].name}")
+    return numbers
+
+
+def _number_or_name(image: Path) -> int | str:
+    return int(image.stem) if image.stem.isdecimal() else image.stem
 
 
 def _gap_notes(images: tuple[Path, ...]) -> tuple[str, ...]:

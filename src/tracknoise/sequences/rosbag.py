@@ -10,14 +10,22 @@ import numpy as np
 from annotated_types import Gt, Lt
 from numpy.typing import NDArray
 
-from tracknoise.checks import NotNegative, Positive, require, require_bounds
+from tracknoise.checks import NotNegative, Positive, require_bounds
+from tracknoise.exceptions import DataError
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.pose import nearest
 from tracknoise.rosbag_files import BagFile, Position, find_bags
 from tracknoise.sequences.camera_files import CameraFile, Lens, read_camera_file
+from tracknoise.sequences.camera_pairs import (
+    STATED_PLACES,
+    pose_of_numbers,
+    read_second,
+    require_pose_numbers,
+)
 from tracknoise.sequences.images import Levels, level_notes, require_levels
 from tracknoise.sequences.likely_times import require_likely_rate
 from tracknoise.sequences.orientation import turned_notes
-from tracknoise.sequences.poses import checked_poses, no_poses, pose_notes
+from tracknoise.sequences.poses import no_poses, pose_notes
 from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.sequences.rosbag_frames import (
     BagDepths,
@@ -30,15 +38,16 @@ from tracknoise.sequences.rosbag_frames import (
     in_unit,
     matching,
     scan_bag,
+    static_place,
 )
-from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name
+from tracknoise.sequences.rosbag_messages import UNNAMED_DEPTH, Wanted, camera_of, frame_name, place_beside
 from tracknoise.sequences.scenes import SceneReader, parent_of, with_option
-from tracknoise.sequences.sequence import Body
+from tracknoise.sequences.second_camera import SomeImages
+from tracknoise.sequences.sequence import Body, SecondCamera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
 from tracknoise.time_units import TimeUnit
 
-_POSE_NUMBERS = 16
 _RECTIFIED = re.compile(r"(?:^|[/_])rect(?:ified)?(?:[/_]|$)", re.IGNORECASE)
 """A word of its own: a topic /direct/image is not rectified."""
 _LONGEST_SHIFT_S = 86_400.0
@@ -61,6 +70,15 @@ class Rosbag(SceneReader):
         A file with the intrinsics, in place of a topic, and which of its cameras.
     lens
         Lens of a file of OpenCV with 4 coefficients and no word for it: ``radtan`` or ``equidistant``.
+    second_image_topic, second_camera_info_topic
+        Topics of a second camera; no second camera without the first of them.
+    second_camera_file, second_camera
+        File of the second camera, and which of its cameras; by default the other one of `camera_file`, or the topic.
+    first_from_second
+        16 numbers, the rows of the pose of the second camera in the frame of the first, metres; by default that of the
+        files, of P in the intrinsics of both, or of static transforms.
+    second_gap_s
+        Largest difference in time of images of both cameras, seconds.
     world_frame
         Frame of the poses; by default that of the pose topic, or the root of the tf tree.
     camera_frame
@@ -99,6 +117,12 @@ class Rosbag(SceneReader):
     camera_file: Path | None = None
     camera: str | None = None
     lens: Lens | None = None
+    second_image_topic: str | None = None
+    second_camera_info_topic: str | None = None
+    second_camera_file: Path | None = None
+    second_camera: str | None = None
+    first_from_second: tuple[float, ...] | None = None
+    second_gap_s: NotNegative = 0.0
     world_frame: str | None = None
     camera_frame: str | None = None
     pose_frame: str | None = None
@@ -116,9 +140,8 @@ class Rosbag(SceneReader):
         require_bounds(self)
         if self.image_levels is not None:
             require_levels("image_levels", self.image_levels)
-        if self.body_from_camera is not None:
-            count = len(self.body_from_camera)
-            require(count == _POSE_NUMBERS, "body_from_camera", self.body_from_camera, "16 numbers")
+        require_pose_numbers("body_from_camera", self.body_from_camera)
+        require_pose_numbers("first_from_second", self.first_from_second)
 
     def _scenes(self) -> dict[str, Path]:
         return find_bags(self.root)
@@ -158,6 +181,7 @@ class Rosbag(SceneReader):
             sources = (*notes, *_shifted(shift_s), *pose_notes(poses))
         camera, camera_notes = _camera(path, scan, calibration)
         depths, depth_notes = self._depths(file, scan, times_ns, self._depth_unit_m(calibration))
+        second, second_notes = self._second(file, scan, times_ns, calibration)
         return RecordedSequence(
             id=sequence,
             source=f"{path} {scan.images.topic}",
@@ -170,6 +194,7 @@ class Rosbag(SceneReader):
                 *level_notes(self.image_levels),
                 *sources,
                 *depth_notes,
+                *second_notes,
                 *_repeated(scan, positions),
                 *turned_notes(scan.images.topic, scan.images.turned, len(scan.images.positions)),
             ),
@@ -179,6 +204,7 @@ class Rosbag(SceneReader):
             group=parent_of(sequence.scene),
             shutter=None if calibration is None else calibration.shutter,
             path=along,
+            second=second,
             body=None if frames.body_from_camera is None else Body(frames.body_from_camera, shift_s),
             poses_elsewhere=not with_poses,
         )
@@ -189,8 +215,17 @@ class Rosbag(SceneReader):
             self.depth_topic,
             self.camera_info_topic,
             self.pose_topic,
+            self.second_image_topic,
+            self.second_camera_info_topic,
             intrinsics_given=self.camera_file is not None,
+            second_intrinsics_given=self._second_by_file,
         )
+
+    @property
+    def _second_by_file(self) -> bool:
+        """Whether the second camera is that of a file."""
+        files = (self.second_camera_file, self.camera_file)
+        return self.second_camera_info_topic is None and any(file is not None for file in files)
 
     def _calibration(self) -> CameraFile | None:
         if self.camera_file is None:
@@ -209,8 +244,7 @@ class Rosbag(SceneReader):
         """The frames between which poses are wanted. The option `body_from_camera` precedes the camera file."""
         given = None if calibration is None else calibration.body_from_camera
         if self.body_from_camera is not None:
-            matrix = np.array(self.body_from_camera, np.float64).reshape(1, 4, 4)
-            given = checked_poses(matrix, ["body_from_camera"])[0][0]
+            given = pose_of_numbers("body_from_camera", self.body_from_camera)
         return Frames(_frame(self.world_frame), _frame(self.camera_frame), _frame(self.pose_frame), given)
 
     def _depths(
@@ -233,6 +267,58 @@ class Rosbag(SceneReader):
             frames = f"{scan.depths.frame or '(no name)'} and {scan.images.frame or '(no name)'}"
             notes.append(f"depths and images are in the frames {frames}; they are taken as those of one camera")
         return BagDepths(file, topic, positions, depth_unit_m, self.depth_radius_px), tuple(notes)
+
+    def _second(
+        self, file: BagFile, scan: Scan, times_ns: NDArray[np.int64], calibration: CameraFile | None
+    ) -> tuple[SecondCamera | None, tuple[str, ...]]:
+        """The second camera, and notes on it."""
+        if scan.second is None:
+            options = ("second_camera_info_topic", "second_camera_file", "second_camera", "first_from_second")
+            stated = [name for name in options if getattr(self, name) is not None]
+            if stated:
+                raise DataError(file.path, f"{stated[0]} and no second_image_topic", "the topic of its images")
+            return None, ()
+        topic = scan.second.topic
+        other_ns, messages = in_order(str(file.path), scan.second, self.time)
+        times_s, other_s = ((times - times_ns[0]) / 1e9 for times in (times_ns, other_ns))
+        numbers = tuple(nearest(times_s, other_s, max_gap_s=self.second_gap_s).tolist())
+        if max(numbers) < 0:
+            gap_s = np.abs(other_s - times_s[nearest(other_s, times_s, max_gap_s=np.inf)]).min()
+            found = f"no image at any of {counted(len(times_s), 'time')} of frames; the nearest is {gap_s:.3g} s off"
+            expected = f"the same times, or {with_option('second_gap_s', 'SECONDS')}"
+            raise DataError(f"{file.path} {topic}", found, expected)
+        second, place, source = self._second_lens(file.path, scan, calibration)
+        if self.first_from_second is not None:
+            place, source = pose_of_numbers("first_from_second", self.first_from_second), "the option first_from_second"
+        if place is None:
+            frames = _frame(self.camera_frame) or scan.images.frame, scan.second.frame
+            place, source = static_place(file.path, scan, *frames), "static transforms"
+        if place is None:
+            found = f"no pose of the second camera in the first: their frames are {' and '.join(map(repr, frames))}"
+            expected = f"static transforms between two frames, P with a distance, {STATED_PLACES}"
+            raise DataError(f"{file.path} {topic}", found, expected)
+        images = SomeImages(BagImages(file, topic, messages, self.image_levels), numbers)
+        notes = (f"second camera: {note}" for note in (f"its pose in the first is that of {source}", *second.notes))
+        return SecondCamera(second.camera, place, images), (*notes, *images.notes(topic))
+
+    def _second_lens(
+        self, path: Path, scan: Scan, calibration: CameraFile | None
+    ) -> tuple[CameraFile, NDArray[np.float64] | None, str]:
+        """The second camera, its pose in the first (None where it is not stated with it), and what states it."""
+        if scan.second_info is None:
+            files = self.camera_file, self.second_camera_file
+            second, place = read_second(
+                calibration, files[0], self.camera, file=files[1], name=self.second_camera, size=None, lens=self.lens
+            )
+            return second, place, str(files[1] or files[0])
+        assert scan.second is not None, "its topic of intrinsics is chosen with it"
+        source = f"{path} {scan.second_info_topic}"
+        rectified, second_rectified = (bool(_RECTIFIED.search(one.topic)) for one in (scan.images, scan.second))
+        second, _ = camera_of(source, scan.second_info, rectified=second_rectified)
+        place = None
+        if scan.camera_info is not None:
+            place = place_beside(source, scan.camera_info, scan.second_info, rectified=(rectified, second_rectified))
+        return second, place, f"P of {scan.second_info_topic}"
 
 
 def _frame(name: str | None) -> str | None:

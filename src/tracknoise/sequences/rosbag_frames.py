@@ -64,6 +64,10 @@ class Scan:
     pose_topic: str  # where the poses come from; empty where that is not the bag
     pose: Link | None  # the poses of the topic; None where they come from tf
     transforms: tuple[Link, ...]  # the transforms of all tf topics
+    second: Messages | None  # images of the second camera; None where there is none
+    # second_info, second_info_topic: its intrinsics; None where they come from somewhere else
+    second_info: CameraInfo | None
+    second_info_topic: str
 
 
 def scan_bag(path: Path, wanted: Wanted) -> Scan:
@@ -84,7 +88,8 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
         _require_aligned(f"{path} {depths.topic}", info, _intrinsics(bag, chosen.depth_info), images.frame)
     is_of_topic = chosen.pose is not None and chosen.pose.kind != TRANSFORMS
     pose = pose_link(bag, chosen.pose) if chosen.pose is not None and is_of_topic else None
-    topics = () if chosen.pose is None else ((chosen.static_transforms, False), (chosen.transforms, True))
+    topics = [(chosen.static_transforms, False)] if chosen.pose is not None or chosen.second is not None else []
+    topics += [] if chosen.pose is None else [(chosen.transforms, True)]
     links = [link for group, moving in topics for topic in group for link in transform_links(bag, topic, moving=moving)]
     return Scan(
         images=images,
@@ -94,6 +99,9 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
         pose_topic="" if chosen.pose is None else chosen.pose.name,
         pose=pose,
         transforms=tuple(links),
+        second=None if chosen.second is None else _messages(bag, chosen.second),
+        second_info=None if chosen.second_info is None else _intrinsics(bag, chosen.second_info),
+        second_info_topic="" if chosen.second_info is None else chosen.second_info.name,
     )
 
 
@@ -146,6 +154,7 @@ def in_unit(scan: Scan, unit: TimeUnit) -> Scan:
         depths=None if scan.depths is None else stamped(scan.depths),
         pose=None if scan.pose is None else stamped(scan.pose),
         transforms=tuple(map(stamped, scan.transforms)),
+        second=None if scan.second is None else stamped(scan.second),
     )
 
 
@@ -292,6 +301,10 @@ class Tree:
             Step(self.by_child[frame], False) for frame in down
         ]
 
+    def connects(self, *frames: str) -> bool:
+        """Whether a chain leads from one frame to the other."""
+        return bool(set.intersection(*({*self._above(frame)} for frame in frames)))
+
     def names(self) -> str:
         """Names of all frames in one line."""
         frames = sorted({*self.by_child, *(link.parent for link in self.by_child.values())})
@@ -387,6 +400,20 @@ def camera_poses(
         poses, recorded = poses @ frames.body_from_camera, recorded @ frames.body_from_camera
     along = path_through(at_s, poses, PosePath(recorded_s, recorded), max_gap_s=max_gap_s)
     return poses, along, (*notes, *_left_out(steps))
+
+
+def static_place(path: Path, scan: Scan, first: str, second: str) -> NDArray[np.float64] | None:
+    """(4, 4) float64: pose of one frame in another by transforms that do not change; None where they are not connected.
+
+    Nor of one frame: drivers may give both cameras of a pair that of the first.
+    """
+    tree = Tree.of(path, [link for link in scan.transforms if link.is_static])
+    if first == second or not tree.connects(first, second):
+        return None
+    poses = poses_along(
+        tree.chain(first, second), lambda link: np.zeros(len(link.stamped_ns)), np.zeros(1), max_gap_s=0.0
+    )
+    return None if np.isnan(poses).any() else np.asarray(poses[0])
 
 
 def _steps(path: Path, scan: Scan, frames: Frames) -> tuple[list[Step], tuple[str, ...]]:

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MOST_PIXELS
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import invert
 from tracknoise.rosbag_files import TRANSFORMS, Bag, Topic
 from tracknoise.sequences.camera_files import CameraFile, checked_camera
 from tracknoise.sequences.images import NO_DEPTH, DeepImageError, Levels, decode_image, scaled
-from tracknoise.sequences.poses import quaternion_poses
+from tracknoise.sequences.poses import checked_poses, quaternion_poses
 from tracknoise.sequences.scenes import with_option
 from tracknoise.text import counted
 
@@ -223,6 +224,31 @@ def camera_of(place: str, info: CameraInfo, *, rectified: bool) -> tuple[CameraF
     return file, (*file.notes, *_notes(place, info, rectified=rectified))
 
 
+def place_beside(
+    place: str, first: CameraInfo, second: CameraInfo, *, rectified: tuple[bool, bool]
+) -> NDArray[np.float64] | None:
+    """(4, 4) float64: the pose of the second camera of a pair in the first, metres; None where P states no distance.
+
+    P has minus the focal length times the position in the frame of the rectified first camera; R turns the frame of raw
+    images into that of rectified ones, which both cameras share.
+    """
+    offset_m = _offset_m(second) - _offset_m(first)
+    if not (np.isfinite(offset_m).all() and offset_m.any()):
+        return None
+    rectifying = np.stack([np.eye(4)] * 2)
+    for pose, info, is_rectified in zip(rectifying, (first, second), rectified, strict=True):
+        pose[:3, :3] = np.eye(3) if is_rectified or not any(info.r) else np.array(info.r).reshape(3, 3)
+    (first_pose, second_pose), _ = checked_poses(rectifying, [f"{place}: R"] * 2)
+    second_pose[:3, 3] = offset_m
+    return np.asarray(invert(first_pose) @ second_pose)
+
+
+def _offset_m(info: CameraInfo) -> NDArray[np.float64]:
+    """(3,) float64: position of a camera in the frame of the first of a rectified pair, metres; NaN without P."""
+    fx, fy = info.p[0], info.p[5]
+    return np.array([-info.p[3] / fx, -info.p[7] / fy, 0.0]) if fx and fy else np.full(3, np.nan)
+
+
 def _intrinsics(place: str, info: CameraInfo, *, rectified: bool) -> tuple[float, float, float, float]:
     """Focal lengths and principal point fx, fy, cx, cy of the full image."""
     name, columns, values = ("P", 4, info.p) if rectified else ("K", 3, info.k)
@@ -299,8 +325,12 @@ class Wanted:
     depth: str | None = None
     camera_info: str | None = None
     pose: str | None = None
-    # whether intrinsics and poses come from somewhere else
+    # second, second_info: of the images and intrinsics of a second camera; None for no second camera
+    second: str | None = None
+    second_info: str | None = None
+    # whether intrinsics, those of the second camera, and poses come from somewhere else
     intrinsics_given: bool = False
+    second_intrinsics_given: bool = False
     poses_elsewhere: bool = False
 
 
@@ -317,6 +347,9 @@ class Chosen:
     # transforms, static_transforms: all topics of transforms
     transforms: tuple[Topic, ...]
     static_transforms: tuple[Topic, ...]
+    # second, second_info: of the images and intrinsics of a second camera; None where there is none
+    second: Topic | None
+    second_info: Topic | None
 
 
 def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
@@ -326,14 +359,19 @@ def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
     moving = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if not topic.name.endswith(_STATIC))
     static = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if topic.name.endswith(_STATIC))
     images, depths = _split(_of_kinds(filled, _IMAGE_KINDS), deep)
+    second = None if wanted.second is None else _named(bag, "second_image_topic", wanted.second, _IMAGE_KINDS)
     image = _image(bag, wanted, images)
     depth = _depth(bag, wanted.depth, depths, image)
     infos = _of_kinds(filled, [CAMERA_INFO])
+    if second is not None and second.name == image.name:
+        raise DataError(bag.path, f"{second.name} as images of both cameras", "a topic of each")
+    of_second = [] if second is None else _beside(second, infos)
+    of_first = [info for info in infos if info not in of_second]
     return Chosen(
         image=image,
         depth=depth,
         depth_info=None if depth is None else next(iter(_beside(depth, infos)), None),
-        camera_info=None if wanted.intrinsics_given else _camera_info(bag, wanted.camera_info, image, infos),
+        camera_info=None if wanted.intrinsics_given else _camera_info(bag, wanted.camera_info, image, of_first),
         pose=None
         if wanted.poses_elsewhere
         else _only(
@@ -341,6 +379,10 @@ def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
         ),
         transforms=moving,
         static_transforms=static,
+        second=second,
+        second_info=None
+        if second is None or wanted.second_intrinsics_given
+        else _camera_info(bag, wanted.second_info, second, of_second, "second_"),
     )
 
 
@@ -387,7 +429,7 @@ def _has_16_bits(bag: Bag, topic: Topic) -> bool:
 
 def _image(bag: Bag, wanted: Wanted, images: list[Topic]) -> Topic:
     """The only one that is no depth. Of several, those of 16 bits may be depth: the message says how to state it."""
-    candidates = [topic for topic in images if topic.name != wanted.depth]
+    candidates = [topic for topic in images if topic.name not in (wanted.depth, wanted.second)]
     wide = [topic for topic in candidates if _encoding(bag, topic).startswith(UNNAMED_DEPTH[0])]
     if wanted.image is not None or len(candidates) < 2 or not wide or wanted.depth is not None:
         return _only(bag, "image_topic", wanted.image, candidates, _IMAGE_KINDS)
@@ -416,13 +458,14 @@ def _frame(bag: Bag, topic: Topic) -> str:
     return str(first.header.frame_id)
 
 
-def _camera_info(bag: Bag, name: str | None, image: Topic, infos: list[Topic]) -> Topic:
-    """Beside the images, as ROS has it, or the only one."""
+def _camera_info(bag: Bag, name: str | None, image: Topic, infos: list[Topic], of: str = "") -> Topic:
+    """Beside the images, as ROS has it, or the only one. `of`: with what names of options begin."""
     siblings = _beside(image, infos)
     if name is None and not infos:
-        needed = f"one topic of {CAMERA_INFO}, or {with_option('camera_file', 'FILE')}"
+        beside = f" beside {image.name}" if of else ""
+        needed = f"one topic of {CAMERA_INFO}{beside}, or {with_option(f'{of}camera_file', 'FILE')}"
         raise DataError(bag.path, listing(bag.topics.values()), needed)
-    return _only(bag, "camera_info_topic", name, siblings or infos, [CAMERA_INFO])
+    return _only(bag, f"{of}camera_info_topic", name, siblings or infos, [CAMERA_INFO])
 
 
 def _beside(topic: Topic, infos: list[Topic]) -> list[Topic]:
@@ -441,6 +484,7 @@ def _only(bag: Bag, option: str, name: str | None, fitting: list[Topic], kinds: 
         needed = f"one topic of {' or '.join(kinds)}"
         if fitting:
             needed = f"one topic; choose it with {with_option(option, fitting[0].name)}"
+            needed += "; second_image_topic names that of a second camera" if option == "image_topic" else ""
         raise DataError(bag.path, found, needed)
     return fitting[0]
 

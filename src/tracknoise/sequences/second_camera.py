@@ -1,6 +1,6 @@
 """The second camera of a recording, as a sequence of its own."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,6 +21,26 @@ from tracknoise.sequences.sequence import (
     path_of,
 )
 from tracknoise.sequences.views import View
+from tracknoise.text import counted_of
+
+
+@dataclass(frozen=True, slots=True)
+class SomeImages:
+    """Reads the image of a second camera of a frame; None for a frame without one."""
+
+    images: Callable[[int], NDArray[np.uint8]]  # reads an image from its own number
+    numbers: tuple[int, ...]  # of the image of each frame; -1 for a frame without one
+
+    def __call__(self, index: int) -> NDArray[np.uint8] | None:
+        """(height, width) uint8, or None."""
+        number = self.numbers[index]
+        return None if number < 0 else self.images(number)
+
+    def notes(self, of: str) -> tuple[str, ...]:
+        """A sentence if there are frames without an image of the camera of this name."""
+        missing = self.numbers.count(-1)
+        have = counted_of(missing, len(self.numbers), "frame", "has", "have")
+        return (f"{have} no image of {of}, and no depth from it",) if missing else ()
 
 
 def second_image(second: SecondCamera, index: int, source: str) -> NDArray[np.uint8] | None:

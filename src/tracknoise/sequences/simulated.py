@@ -116,12 +116,12 @@ class SimulatedSequence:
 
     @property
     def second(self) -> SecondCamera | None:
-        """A camera of the same model, on the right of the first; None where the settings have none."""
+        """A camera on the right of the first; None where the settings have none."""
         if not self.settings.baseline_m:
             return None
         first_from_second = np.eye(4)
         first_from_second[0, 3] = self.settings.baseline_m
-        return SecondCamera(self.camera, first_from_second, self._second_image)
+        return SecondCamera(self.settings.camera_beside, first_from_second, self._second_image)
 
     def depth(self, index: int) -> DepthMap:
         """Exact depth of one frame at the pixel centres, float64.
@@ -153,8 +153,9 @@ class SimulatedSequence:
         return surface_points(self.world.raycaster, self.camera, self._path.of_pixels(index, self.camera, uv), uv)
 
     def _second_image(self, index: int) -> NDArray[np.uint8]:
-        shots = map(self._beside, self._path.during_exposure(index, self.camera))
-        irradiance = self.world.irradiance(self._optics, shots)
+        camera, at = self.settings.camera_beside, index + self.settings.second_delay_frames
+        shots = map(self._beside, self._path.during_exposure(at, camera))
+        irradiance = self.world.irradiance(replace(self._optics, camera=camera), shots)
         return self._sensor(Stream.second_pattern).image(irradiance, index, self._noise(Stream.second_noise, index))
 
     def _beside(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -176,9 +177,8 @@ class SimulatedSequence:
         """The sensor with the fixed pattern of a stream: that of one camera in all scenes."""
         if stream not in self._sensors:
             pattern, settings = generator(self.settings.seed, stream, ""), self.settings
-            self._sensors[stream] = Sensor(
-                self.camera, settings.imaging, noise_sigma=settings.noise_sigma, pattern=pattern
-            )
+            camera = settings.camera_beside if stream is Stream.second_pattern else self.camera
+            self._sensors[stream] = Sensor(camera, settings.imaging, noise_sigma=settings.noise_sigma, pattern=pattern)
         return self._sensors[stream]
 
     @cached_property
@@ -209,6 +209,40 @@ class Effect:
 
     name: str
     imaging: Imaging = NO_EFFECTS
+
+
+@dataclass(frozen=True, slots=True)
+class _Lens:
+    """What options state of the lens of a camera."""
+
+    named: str  # with what their names begin
+    model: str
+    distortion: tuple[float, ...]
+    hfov_deg: float
+
+    def require(self) -> None:
+        """Refuse a lens that there is not."""
+        if self.model not in LENSES:
+            raise UnknownNameError(f"{self.named}lens", self.model, LENSES)
+        field, given = f"{self.named}distortion", [*self.distortion]
+        require(all(map(math.isfinite, given)), field, given, "finite numbers")
+        try:
+            edge = self._edge()
+        except ValueError as error:
+            raise ValueError(f"{self.named}{error}") from error
+        require(math.isfinite(edge), field, given, f"a lens that shows the ray at half of {self.named}hfov_deg")
+
+    def camera(self, width: int, height: int) -> KnownCamera:
+        """Its camera, whose principal point is the image's centre."""
+        focal = width / 2.0 / self._edge()
+        centre = (width - 1) / 2.0, (height - 1) / 2.0
+        return make_camera(self.model, (width, height), (focal, focal, *centre), self.distortion)
+
+    def _edge(self) -> float:
+        """Where a lens of focal length 1 shows the ray at half of the field of view; NaN where it does not."""
+        ray = np.array([float(np.tan(np.deg2rad(self.hfov_deg) / 2.0)), 0.0, 1.0])
+        u, _ = make_camera(self.model, (1, 1), (1.0, 1.0, 0.0, 0.0), self.distortion).project(ray)
+        return float(u) if u > 0.0 else math.nan
 
 
 _DEFAULT_WORLD = "plaza"
@@ -248,6 +282,10 @@ class Simulated:
         Coefficients of the lens, as the model has them; for double_sphere, xi and alpha.
     baseline_m
         Distance to a second camera on the right, for depth from stereo, metres; 0 for a single camera.
+    second_lens, second_distortion, second_hfov_deg
+        Lens of the second camera; by default those of the first.
+    second_delay_frames
+        By how many frames its images are taken later than stated.
     supersampling
         Rays along each side of a pixel.
     noise_sigma
@@ -292,6 +330,10 @@ class Simulated:
     lens: str = "pinhole"
     distortion: tuple[float, ...] = ()
     baseline_m: NotNegative = 0.0
+    second_lens: str | None = None
+    second_distortion: tuple[float, ...] | None = None
+    second_hfov_deg: Annotated[float, Gt(0), Lt(180)] | None = None
+    second_delay_frames: Annotated[float, Ge(-1_000), Le(1_000)] = 0.0
     supersampling: Annotated[int, Ge(1), Le(16)] = 2
     noise_sigma: Annotated[float, Ge(0), Le(10_000)] = 2.0
     shadows: bool = False
@@ -305,13 +347,16 @@ class Simulated:
         object.__setattr__(self, "motions", _names("motion", self.motions, MOTIONS))
         object.__setattr__(self, "lightings", _names("lighting", self.lightings, LIGHTINGS))
         require_bounds(self)
-        self._require_lens()
+        self._first_lens.require()
+        self._require_second()
         require(all(map(math.isfinite, self.origin)), "origin", self.origin, "three finite numbers (x, y, z in metres)")
         require_finite("yaw_deg", self.yaw_deg)
         self._require_that_world_and_motions_fit()
         self._require_effects()
         timed = any(imaging.readout_s or imaging.exposure_s for imaging in self._ways.values())
-        require(self.frames > 1 or not timed, "frames", self.frames, "at least 2, with a readout_s or exposure_s")
+        timed = timed or self.second_delay_frames != 0.0
+        expected = "at least 2, with a readout_s, exposure_s or second_delay_frames"
+        require(self.frames > 1 or not timed, "frames", self.frames, expected)
 
     def _require_effects(self) -> None:
         if not self.effects:
@@ -327,18 +372,12 @@ class Simulated:
         """How images of each sequence of a scene are taken, by its lighting."""
         return {effect.name: effect.imaging for effect in self.effects} or dict.fromkeys(self.lightings, self.imaging)
 
-    def _require_lens(self) -> None:
-        if self.lens not in LENSES:
-            raise UnknownNameError("lens", self.lens, LENSES)
-        require(all(map(math.isfinite, self.distortion)), "distortion", [*self.distortion], "finite numbers")
-        expected = "a lens that shows the ray at half of hfov_deg"
-        require(math.isfinite(self._edge()), "distortion", [*self.distortion], expected)
-
-    def _edge(self) -> float:
-        """Where a lens of focal length 1 shows the ray at half of the field of view; NaN where it does not."""
-        ray = np.array([float(np.tan(np.deg2rad(self.hfov_deg) / 2.0)), 0.0, 1.0])
-        u, _ = make_camera(self.lens, (1, 1), (1.0, 1.0, 0.0, 0.0), self.distortion).project(ray)
-        return float(u) if u > 0.0 else math.nan
+    def _require_second(self) -> None:
+        names = ("second_lens", "second_distortion", "second_hfov_deg", "second_delay_frames")
+        stated = [name for name in names if getattr(self, name)]
+        if stated and not self.baseline_m:
+            raise ValueError(f"{stated[0]} needs a baseline_m")
+        self._second_lens.require()
 
     def _require_that_world_and_motions_fit(self) -> None:
         if self.world not in PLACES:
@@ -360,9 +399,22 @@ class Simulated:
     @property
     def camera(self) -> KnownCamera:
         """The camera of all sequences; its principal point is the image's centre."""
-        focal = self.width / 2.0 / self._edge()
-        centre = (self.width - 1) / 2.0, (self.height - 1) / 2.0
-        return make_camera(self.lens, (self.width, self.height), (focal, focal, *centre), self.distortion)
+        return self._first_lens.camera(self.width, self.height)
+
+    @property
+    def camera_beside(self) -> KnownCamera:
+        """The second camera, if there is one."""
+        return self._second_lens.camera(self.width, self.height)
+
+    @property
+    def _first_lens(self) -> "_Lens":
+        return _Lens("", self.lens, self.distortion, self.hfov_deg)
+
+    @property
+    def _second_lens(self) -> "_Lens":
+        given = self.distortion if self.second_lens is None else ()
+        distortion = given if self.second_distortion is None else self.second_distortion
+        return _Lens("second_", self.second_lens or self.lens, distortion, self.second_hfov_deg or self.hfov_deg)
 
     def sequences(self) -> list[SequenceId]:
         """All sequences, sorted: scenes are named ``<motion>-<index of the world>``.

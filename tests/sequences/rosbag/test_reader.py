@@ -306,6 +306,7 @@ def test_a_topic_is_not_guessed_where_several_fit(write, simulated):
         opened(root, pose_topic="/odom")
     listed = "/cam/image_raw (sensor_msgs/msg/Image, 4), /other/image (sensor_msgs/msg/Image, 4)"
     chosen = f"--option image_topic={listed.split(' ')[0]}, or image_topic in [dataset.options]"
+    chosen += "; second_image_topic names that of a second camera"
     assert str(caught.value) == f"{root / 'run.bag'}: {listed}, expected one topic; choose it with {chosen}"
     with pytest.raises(
         DataError, match=r"/odom \(nav_msgs/msg/Odometry, 4\), /tf .*choose it with --option pose_topic=/"

@@ -25,8 +25,8 @@ def tables() -> str:
 def _section(name: str) -> str:
     preset = load_preset(name)
     return (
-        f"**`{name}`** ({preset.system}; `{preset.tracker}`): {preset.description}. "
-        f"Read in {preset.repository}, commit {preset.commit}. {' '.join(preset.differs)}\n"
+        f"**`{name}`** ({preset.system}; `{preset.tracker}`; {preset.repository}@{preset.commit}): "
+        f"{preset.description}. {' '.join(preset.differs)}\n"
     )
 
 

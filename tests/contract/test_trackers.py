@@ -58,6 +58,8 @@ VARIANTS: dict[str, tuple[str, dict[str, object]]] = {
     ),
     "features along epipolar lines": ("second-view", {"search": "line"}),
     "features of the last second image": ("second-view", {"search": "last"}),
+    "patches of the last second image": ("second-view", {"search": "last", "method": "patch"}),
+    "features by descriptors in a second image": ("second-view", {"search": "descriptor"}),
     "correspondence of networks": ("correspondence", {"descriptor": "network", "rejection": {"model": "none"}}),
 }
 """Trackers whose options take other ways through the code than the defaults do."""

@@ -26,6 +26,18 @@ def test_matches_and_ties_are_those_of_bfmatcher(seed, n_query, n_train, levels)
     assert ours(query, train) == by_opencv(query, train)
 
 
+@given(st.integers(0, 2**32), st.integers(1, 200), st.integers(1, 40), st.floats(0.0, 1.0))
+def test_pairs_that_are_not_allowed_are_as_if_they_were_infinitely_far(seed, n_query, n_train, share):
+    rng = np.random.default_rng(seed)
+    query, train = (rng.integers(0, 9, (n, 6)).astype(np.float32) for n in (n_query, n_train))
+    allowed = rng.random((n_query, n_train)) < share
+    distance = np.where(allowed, np.linalg.norm(query[:, None] - train, axis=2), np.inf)
+    matches = mutual_nearest(query, train, allowed)
+    mutual = (distance.argmin(axis=0)[distance.argmin(axis=1)] == np.arange(n_query)) & allowed.any(axis=1)
+    assert matches.query_rows.tolist() == np.flatnonzero(mutual).tolist()
+    assert matches.train_rows.tolist() == distance.argmin(axis=1)[mutual].tolist()
+
+
 def test_matches_of_sift_descriptors_are_those_of_bfmatcher(sideways):
     query, train = (describe(frame, Detection()).descriptors for frame in sideways[:2])
     matches = ours(query, train)

@@ -89,7 +89,9 @@ def test_bounds_hold_without_a_file_too():
 
 
 def test_an_unknown_tracker_is_refused_with_the_known_ones():
-    with pytest.raises(UnknownNameError, match=r"'lucas-kanade'.*known: basalt, correspondence, cuvslam, dense-flow"):
+    with pytest.raises(
+        UnknownNameError, match=r"'lucas-kanade'.*known: basalt, basalt-stereo, correspondence, cuvslam, dense-flow"
+    ):
         make_tracker("lucas-kanda")
 
 

@@ -13,8 +13,12 @@ from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.sequences.kept_frames import KeptFrames
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.tables.schema import PAIR, of_first_camera, of_second_camera
+from tracknoise.trackers.correspondence import describe
+from tracknoise.trackers.descriptor_search import DescriptorSearch
+from tracknoise.trackers.detection import Detection
 from tracknoise.trackers.line_search import LineSearch
-from tracknoise.trackers.second_view import SecondView
+from tracknoise.trackers.second_view import PatchSettings, SecondView
+from tracknoise.trackers.tracker import Frame
 from tracknoise.trackers.tracker_registry import make_tracker
 from tracknoise.truth.beside import beside
 from tracknoise.truth.truth_registry import make_truth
@@ -32,11 +36,13 @@ def sequence(baseline_m: float = 0.12):
 @pytest.fixture(scope="module")
 def measured():
     trackers = {"first": "lucas-kanade", "anew": SecondView(), "last": SecondView(search="last")}
+    trackers["patches"] = SecondView(method="patch")
+    trackers["patches-last"] = SecondView(search="last", method="patch", patch=PatchSettings(warp="shift"))
     return measure(sequence(), trackers, truth="raycast")
 
 
 def test_features_are_found_where_their_points_are(measured):
-    for name in ("anew", "last"):
+    for name in ("anew", "last", "patches", "patches-last"):
         seen = measured.observations.filter(tracker=name, truth="valid")
         assert seen.height > 1000
         assert max(seen.select(ERROR).row(0)) < 0.2
@@ -46,7 +52,7 @@ def test_what_a_tracker_of_the_first_camera_does_is_the_same_beside_one_of_the_s
     alone = measure(sequence(0.0), {"first": "lucas-kanade"}, truth="raycast")
     beside = of_first_camera(measured.observations).select(alone.observations.columns)
     assert beside.equals(alone.observations)
-    assert of_second_camera(measured.observations) == ["anew", "last"]
+    assert of_second_camera(measured.observations) == ["anew", "last", "patches", "patches-last"]
 
 
 def test_observations_have_the_errors_of_the_first_camera_and_both_depths(measured):
@@ -117,13 +123,28 @@ def test_positions_in_the_first_camera_are_one_for_each_feature():
 
 @pytest.mark.parametrize(
     ("name", "most_px"),
-    [("vins-fusion-stereo", 0.15), ("openvins-stereo", 0.15), ("msckf-vio-stereo", 0.15), ("kimera-stereo", 0.8)],
+    [
+        ("vins-fusion-stereo", 0.15),
+        ("openvins-stereo", 0.15),
+        ("msckf-vio-stereo", 0.15),
+        ("kimera-stereo", 0.8),
+        ("orb-slam3-stereo", 0.6),
+        ("okvis2-stereo", 0.6),
+        ("basalt-stereo", 0.15),
+    ],
 )
 def test_presets_find_features_in_the_second_camera(name, most_px):
     found = measure(sequence(), {name: make_tracker(name)}, truth="raycast")
     seen = found.observations.filter(truth="valid")
     assert seen.height > 100
     assert max(seen.select(ERROR).row(0)) < most_px
+
+
+def test_features_are_found_by_their_descriptors():
+    found = measure(sequence(), {"by descriptors": SecondView(search="descriptor")}, truth="raycast")
+    seen = found.observations.filter(truth="valid")
+    assert seen.height > 1000
+    assert max(seen.select(ERROR).row(0)) < 0.2
 
 
 def test_along_lines_there_are_no_errors_across_but_those_of_the_first_camera():
@@ -141,7 +162,9 @@ def test_whole_pixels_are_as_wrong_as_pixels_are_large():
     assert 0.2 < seen["du_px"].abs().median() < 0.6
 
 
-def test_a_turned_camera_with_another_lens_is_searched_on_its_lines():
+def turned_pair():
+    """A second camera that is turned and has another lens, both images of a plane, and where it shows positions."""
+
     def image(camera, pose):
         grid = np.stack(np.meshgrid(np.arange(320.0), np.arange(240.0)), axis=-1)
         rays = camera.bearings(grid.reshape(-1, 2)) @ pose[:3, :3].T
@@ -158,13 +181,32 @@ def test_a_turned_camera_with_another_lens_is_searched_on_its_lines():
     place[:3, :3] = Rotation.from_rotvec([0.01, -0.03, 0.04]).as_matrix()
     place[:3, 3] = (0.3, 0.02, 0.01)
     pair = StereoPair(first, second, place)
+
+    def true(uv):
+        return second.project(transform(invert(place), first.unproject(uv, np.full(len(uv), 4.0))))
+
+    return pair, (image(first, np.eye(4)), image(second, place)), true
+
+
+def test_a_turned_camera_with_another_lens_is_searched_on_its_lines():
+    pair, images, true = turned_pair()
     uv = np.random.default_rng(3).uniform((120.0, 60.0), (260.0, 180.0), (60, 2))
-    points = first.unproject(uv, np.full(60, 4.0))
-    true = second.project(transform(invert(place), points))
-    found = LineSearch(most_difference=0.2).of(pair).found((image(first, np.eye(4)), image(second, place)), uv)
+    found = LineSearch(most_difference=0.2).of(pair).found(images, uv)
     good = np.isfinite(found).all(axis=1)
     assert good.mean() > 0.8
-    assert np.median(np.linalg.norm(found - true, axis=1)[good]) < 0.25
+    assert np.median(np.linalg.norm(found - true(uv), axis=1)[good]) < 0.25
+
+
+@pytest.mark.parametrize(("refined_px", "most_px"), [(5, 0.25), (0, 0.75)])
+def test_a_turned_camera_with_another_lens_is_searched_by_descriptors(refined_px, most_px):
+    pair, (first, second), true = turned_pair()
+    search = DescriptorSearch(Detection(detector="gftt"), refined_px=refined_px, max_distance=9.0)
+    uv = describe(Frame(0, first), search.detection, search.descriptor).uv
+    uv = uv[((uv > (120.0, 60.0)) & (uv < (260.0, 180.0))).all(axis=1)]
+    found = search.of(pair).found((Frame(0, first), Frame(0, second)), uv)
+    good = np.isfinite(found).all(axis=1)
+    assert good.sum() > 20
+    assert np.median(np.linalg.norm(found - true(uv), axis=1)[good]) < most_px
 
 
 def test_cameras_one_ahead_of_the_other_have_no_lines_to_search():

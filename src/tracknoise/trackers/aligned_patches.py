@@ -8,7 +8,7 @@ from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
 from tracknoise.checks import Between0And1, Positive, settle_members
-from tracknoise.trackers.alignment import Aligned, Alignment, Brightness, Templates, Warp, pyramid
+from tracknoise.trackers.alignment import Aligned, Alignment, Brightness, Templates, Warp, pyramid_of
 from tracknoise.trackers.detection import MOST_FEATURES, Detection
 from tracknoise.trackers.features import Features, displacement_px
 from tracknoise.trackers.following import Flow, FollowingSettings, FollowingTracker, Order
@@ -129,9 +129,7 @@ class _Warped:
         return Flow(seen.uv, is_found, {"patch_residual": seen.residual, "patch_ncc": seen.ncc})
 
     def _levels(self, frame: Frame) -> list[NDArray[np.float32]]:
-        """The pyramid of an image, which trackers share."""
-        levels, side = self._settings.extra_levels, self._settings.window_px
-        return frame.memo(("pyramid", levels, side), lambda image: pyramid(image, levels, side))
+        return pyramid_of(frame, self._settings.extra_levels, self._settings.window_px)
 
     def _renew(self, before: Frame, features: Features) -> None:
         """Cut new templates in the present image, and forget those of features that ended."""
@@ -147,7 +145,5 @@ class _Warped:
 
     def _gap_px(self, before: Frame, after: Frame, features: Features, seen: Aligned) -> NDArray[np.float64]:
         """How far from where it should the way back ends; infinite if it is lost: (n,)."""
-        templates = self._alignment.templates(self._levels(after), seen.uv)
-        straight = np.broadcast_to(np.eye(2), seen.matrix.shape)
-        back = self._alignment.align(templates, self._levels(before), seen.uv, straight)
+        back = self._alignment.follow(self._levels(after), self._levels(before), seen.uv, seen.uv)
         return np.where(back.found, displacement_px(features.uv, back.uv), np.inf)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.trackers.patch_samples import correlation, sampled
+from tracknoise.trackers.tracker import Frame
 
 Floats = NDArray[np.float32]
 
@@ -58,6 +59,11 @@ def pyramid(image: NDArray[np.uint8], levels: int, smallest_px: int) -> list[Flo
     while len(shown) <= levels and min(shown[-1].shape) >= 2 * smallest_px:
         shown.append(np.asarray(cv2.pyrDown(shown[-1]), dtype=np.float32))
     return shown
+
+
+def pyramid_of(frame: Frame, levels: int, smallest_px: int) -> list[Floats]:
+    """The `pyramid` of a frame, which trackers share."""
+    return frame.memo(("pyramid", levels, smallest_px), lambda image: pyramid(image, levels, smallest_px))
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,6 +240,16 @@ class Alignment:
         is_found = (count >= _LEAST_SHARE * len(self.offsets)) & _textured(finest) & (area > _LEAST_AREA)
         ncc = correlation(finest.values, seen)
         return Aligned(uv, matrix, is_found, residual.astype(np.float32), ncc)
+
+    def follow(
+        self, before: Sequence[Floats], after: Sequence[Floats], uv: NDArray[np.float64], start: NDArray[np.float64]
+    ) -> Aligned:
+        """Find the patches around positions (n, 2) of one image in another, straight and from positions (n, 2), px.
+
+        `before`, `after`: pyramids of the images.
+        """
+        straight = np.broadcast_to(np.eye(2), (len(uv), 2, 2))
+        return self.align(self.templates(before, uv), after, start, straight)
 
     def _seen(self, image: Floats, uv: NDArray[np.float64], matrix: NDArray[np.float64]) -> Floats:
         """Gray values (n, p) at the samples of warped patches."""

@@ -18,7 +18,6 @@ from tracknoise.trackers.detection import (
     MOST_FEATURES,
     Detection,
     Detector,
-    Keypoints,
     network_keypoints,
     sift_descriptors,
 )
@@ -70,6 +69,12 @@ class Described:
     descriptors: NDArray[np.float32]
     # (n, 3): of the positions, px^2: uu, uv and vv; None where nothing predicts them
     covariances: NDArray[np.float32] | None = None
+    octave: NDArray[np.intp] | None = None  # (n,): of ORB's own keypoints, the level of their pyramid; None: all 0
+
+    @property
+    def level(self) -> NDArray[np.intp]:
+        """(n,): level of the image pyramid of each keypoint; 0 is the full resolution."""
+        return np.zeros(len(self.uv), dtype=np.intp) if self.octave is None else self.octave
 
     def quality(self, rows: NDArray[np.intp]) -> dict[str, NDArray[np.float32]]:
         """Quality of observations at some of the keypoints: the covariances, if there are any."""
@@ -96,14 +101,46 @@ def describe(frame: Frame, detection: Detection, descriptor: Descriptor = Descri
         if descriptor is Descriptor.sift and _is_all_sift(detection):
             of_all, points = sift_descriptors(frame, detection), spread_keypoints(frame, detection)
             return Described(points.uv, points.response, of_all[points.order])
-        raw = _to_describe(spread_keypoints(frame, detection), own=detection.detector.value == descriptor.value)
-        kept, descriptors = _extractor(descriptor).compute(image, raw) if raw else ((), None)
-        uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
-        response = np.array([point.response for point in kept], dtype=np.float32)
-        order = np.argsort(-response, kind="stable")  # ORB returns its keypoints by level
-        return Described(uv[order], response[order], _as_numbers(descriptors, descriptor)[order])
+        points = spread_keypoints(frame, detection)
+        own = _is_own(detection, descriptor)
+        raw = [points.raw[index] for index in points.order.tolist()] if own else _corners(points.uv, points.response)
+        return _computed(image, raw, descriptor)
 
     return frame.memo(("descriptors", descriptor, detection), compute)
+
+
+def describe_at(
+    frame: Frame, uv: NDArray[np.float64], detection: Detection, descriptor: Descriptor
+) -> tuple[Described, NDArray[np.intp]]:
+    """Descriptors at positions in the image, to be compared with those that `describe` has of another image.
+
+    Where keypoints have their own size and direction, a position must be that of a keypoint, whose descriptor it has.
+
+    `uv`: (n, 2) float64, px. Returns descriptors, and which of them is that of each position: (n,), -1 where there is
+    none.
+    """
+    if _is_own(detection, descriptor):
+        found = describe(frame, detection, descriptor)
+    else:
+        found = _computed(frame.image, _corners(uv, np.zeros(len(uv), np.float32)), descriptor)
+    place = {tuple(position): row for row, position in enumerate(found.uv.astype(np.float32).tolist())}
+    rows = [place.get(tuple(position), -1) for position in uv.astype(np.float32).tolist()]
+    return found, np.array(rows, dtype=np.intp)
+
+
+def _is_own(detection: Detection, descriptor: Descriptor) -> bool:
+    """Whether keypoints are described with the size and direction that they were found with."""
+    return detection.detector.value == descriptor.value
+
+
+def _computed(image: NDArray[np.uint8], raw: list[cv2.KeyPoint], descriptor: Descriptor) -> Described:
+    """Descriptors of keypoints, as far as there are any."""
+    kept, descriptors = _extractor(descriptor).compute(image, raw) if raw else ((), None)
+    uv = np.asarray(cv2.KeyPoint.convert(kept), dtype=np.float64).reshape(-1, 2)
+    response = np.array([point.response for point in kept], dtype=np.float32)
+    order = np.argsort(-response, kind="stable")  # ORB returns its keypoints by level
+    octave = np.array([point.octave for point in kept], dtype=np.intp)[order] if descriptor is Descriptor.orb else None
+    return Described(uv[order], response[order], _as_numbers(descriptors, descriptor)[order], octave=octave)
 
 
 def _by_network(frame: Frame, detection: Detection) -> Described:
@@ -121,13 +158,11 @@ def _is_all_sift(detection: Detection) -> bool:
     return detection.detector is Detector.sift and not (detection.network or detection.grid or detection.subpixel_px)
 
 
-def _to_describe(points: Keypoints, *, own: bool) -> list[cv2.KeyPoint]:
-    """The keypoints, strongest first: as they were detected if `own`, otherwise as corners of one size."""
-    if own:
-        return [points.raw[index] for index in points.order.tolist()]
+def _corners(uv: NDArray[np.float64], response: NDArray[np.float32]) -> list[cv2.KeyPoint]:
+    """Positions (n, 2) as keypoints of one size."""
     return [  # AKAZE's descriptor reads the level of its scale space from the class: the finest
         cv2.KeyPoint(u, v, _CORNER_SIZE_PX, response=response, class_id=0)
-        for (u, v), response in zip(points.uv.tolist(), points.response.tolist(), strict=True)
+        for (u, v), response in zip(uv.tolist(), response.tolist(), strict=True)
     ]
 
 

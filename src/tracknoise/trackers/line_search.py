@@ -6,7 +6,6 @@ on each pixel of its row, and the smallest normalised sum of squared differences
 
 from dataclasses import dataclass
 from enum import StrEnum
-from functools import cached_property
 from typing import Annotated
 
 import cv2
@@ -15,12 +14,8 @@ from annotated_types import Ge
 from numpy.typing import NDArray
 
 from tracknoise.checks import NotNegative, Positive, require, require_bounds, settle_members
-from tracknoise.exceptions import DataError, first_line
-from tracknoise.geometry.projection import Rectification, rectify, rectifying_maps
 from tracknoise.geometry.stereo_pair import StereoPair
-
-Array = NDArray[np.float64]
-Images = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+from tracknoise.trackers.rectified_rows import Array, Images, RectifiedRows, require_depths, vertex
 
 _LEAST_PLACES = 3
 
@@ -60,8 +55,7 @@ class LineSearch:
         require_bounds(self)
         for name in ("width_px", "height_px"):
             require(getattr(self, name) % 2 == 1, f"line.{name}", getattr(self, name), "an odd number")
-        expected = f"a number above nearest_m, {self.nearest_m:g}"
-        require(self.farthest_m > self.nearest_m, "line.farthest_m", self.farthest_m, expected)
+        require_depths("line", self)
 
     def of(self, pair: StereoPair) -> "RowSearch":
         """The search in the images of two cameras.
@@ -71,32 +65,24 @@ class LineSearch:
         DataError
             If the second camera is not beside the first.
         """
-        try:
-            return RowSearch(self, pair, rectify(pair.first, pair.first_from_second))
-        except ValueError as error:
-            raise DataError("second camera", first_line(error), "two cameras side by side") from error
+        return RowSearch(self, RectifiedRows.of(pair))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class RowSearch:
     """The search in the rectified images of two cameras."""
 
     settings: LineSearch
-    pair: StereoPair
-    rectified: Rectification
+    rows: RectifiedRows
 
     def found(self, images: Images, first_uv: Array) -> Array:
         """(n, 2): positions in the second image of features (n, 2) of the first; NaN where they are not found."""
-        first, second = (
-            np.asarray(cv2.remap(image, *maps, cv2.INTER_LINEAR), np.uint8)
-            for image, maps in zip(images, self._maps, strict=True)
-        )
-        camera = self.rectified.camera
-        uv = camera.project(self.pair.first.bearings(first_uv) @ self.rectified.first_from_rectified)
+        first, second = self.rows.images(images)
+        uv = self.rows.from_first(first_uv)
         found = np.full(first_uv.shape, np.nan)
         for place in np.flatnonzero(np.isfinite(uv).all(axis=1)).tolist():
             found[place] = self._on_row(first, second, uv[place])
-        return self.pair.second.project(camera.bearings(found) @ self.rectified.second_from_rectified.T)
+        return self.rows.to_second(found)
 
     def _on_row(self, first: NDArray[np.uint8], second: NDArray[np.uint8], uv: Array) -> tuple[float, float]:
         settings, nothing = self.settings, (np.nan, np.nan)
@@ -106,8 +92,7 @@ class RowSearch:
         right, bottom = left + settings.width_px, top + settings.height_px
         if left < 0 or top < 0 or right > first.shape[1] or bottom > first.shape[0]:
             return nothing
-        scale = self.rectified.camera.fx * self.rectified.baseline_m
-        start = max(0, left - int(np.ceil(scale / settings.nearest_m)))
+        start = max(0, left - int(np.ceil(self.rows.disparity_scale / settings.nearest_m)))
         if right - start < settings.width_px + _LEAST_PLACES - 1:
             return nothing
         template, row = first[top:bottom, left:right], second[top:bottom, start:right]
@@ -115,20 +100,7 @@ class RowSearch:
         best = int(np.argmin(differences))
         if not differences[best] <= settings.most_difference:
             return nothing
-        disparity = left - (start + best) - (_vertex(differences, best) if between else 0.0)
-        if not settings.nearest_m <= scale / max(disparity, 1e-9) <= settings.farthest_m:
+        disparity = left - (start + best) - (vertex(differences, best) if between else 0.0)
+        if not self.rows.in_range(disparity, settings):
             return nothing
         return (uv[0] - disparity, uv[1]) if between else (u - disparity, float(v))
-
-    @cached_property
-    def _maps(self) -> tuple[tuple[NDArray[np.float32], NDArray[np.float32]], ...]:
-        return rectifying_maps(self.rectified, self.pair.first, self.pair.second)
-
-
-def _vertex(values: NDArray[np.float32], place: int) -> float:
-    """Where the parabola through a value and its neighbours is smallest, from the place of the value, px."""
-    if not 0 < place < len(values) - 1:
-        return 0.0
-    before, here, after = (float(value) for value in values[place - 1 : place + 2])
-    bend = before - 2.0 * here + after
-    return 0.5 * (before - after) / bend if bend > 0.0 else 0.0

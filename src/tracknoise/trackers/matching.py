@@ -26,7 +26,9 @@ class Matches:
         return Matches(self.query_rows[rows], self.train_rows[rows], quality)
 
 
-def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Matches:
+def mutual_nearest(
+    query: NDArray[np.float32], train: NDArray[np.float32], allowed: NDArray[np.bool_] | None = None
+) -> Matches:
     """Pairs of descriptors that are each other's nearest neighbour in Euclidean distance.
 
     The matches are those of ``cv2.BFMatcher(cv2.NORM_L2, crossCheck=True)``: among equally near ones the first
@@ -34,9 +36,10 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
     appended. All terms are whole numbers below 2^24, which float32 represents exactly, so that neither the order of
     summation nor the number of threads can change a match.
 
-    `query`, `train`: (m, d) and (n, d) float32: descriptors of both images. Returns pairs with their Euclidean distance
-    (``descriptor_distance``), and that distance over the distance of the query to its second nearest in train
-    (``descriptor_ratio``): from 0, unambiguous, to 1, ambiguous. NaN if there is no second one.
+    `query`, `train`: (m, d) and (n, d) float32: descriptors of both images; `allowed`: (m, n), which of them may be
+    pairs and are compared, None: all. Returns pairs with their Euclidean distance (``descriptor_distance``), and that
+    distance over the distance of the query to its second nearest in train (``descriptor_ratio``): from 0, unambiguous,
+    to 1, ambiguous. NaN if there is no second one.
     """
     if not (len(query) and len(train)):
         no_rows, nothing = np.empty(0, dtype=np.intp), np.empty(0, dtype=np.float32)
@@ -49,6 +52,8 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
     for start in range(0, len(query), _ROWS_AT_ONCE):
         rows = slice(start, start + _ROWS_AT_ONCE)
         squared = left[rows] @ right
+        if allowed is not None:
+            squared[~allowed[rows]] = np.inf
         row = squared.argmin(axis=0)
         value = squared[row, np.arange(len(train))]
         closer = value < least
@@ -57,7 +62,7 @@ def mutual_nearest(query: NDArray[np.float32], train: NDArray[np.float32]) -> Ma
         nearest_train[rows], first[rows] = column, squared[np.arange(len(column)), column]
         squared[np.arange(len(column)), column] = np.inf
         second[rows] = squared.min(axis=1)
-    mutual = np.flatnonzero(nearest_query[nearest_train] == np.arange(len(query)))
+    mutual = np.flatnonzero((nearest_query[nearest_train] == np.arange(len(query))) & np.isfinite(first))
     distance, ratio = _distances(first[mutual], second[mutual])
     return Matches(mutual, nearest_train[mutual], {DISTANCE: distance, RATIO: ratio})
 

@@ -14,13 +14,17 @@ import numpy as np
 from annotated_types import Ge, Le
 from numpy.typing import NDArray
 
-from tracknoise.checks import Positive, require, require_bounds, settle_members
+from tracknoise.checks import Positive, bounds_of, require, require_bounds, require_within, settle_members
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.schema import TrackEnd
+from tracknoise.trackers.aligned_patches import AlignedPatches
+from tracknoise.trackers.alignment import Alignment, Brightness, Warp, pyramid_of
+from tracknoise.trackers.descriptor_search import DescriptorSearch
 from tracknoise.trackers.imported import ImportedTracker
 from tracknoise.trackers.line_search import LineSearch
 from tracknoise.trackers.lucas_kanade import LARGEST_WINDOW_PX, MOST_LEVELS, aligned
+from tracknoise.trackers.patch_samples import Shape, offsets
 from tracknoise.trackers.preprocessing import Preprocessing
 from tracknoise.trackers.tracker import (
     Frame,
@@ -35,6 +39,7 @@ from tracknoise.trackers.tracker import (
 from tracknoise.words import percent
 
 Array = NDArray[np.float64]
+Frames = tuple[Frame, Frame]
 
 
 class Search(StrEnum):
@@ -42,13 +47,44 @@ class Search(StrEnum):
 
     first: in each image of the second camera anew, from the position in the first camera, as in VINS-Fusion. last: from
     image to image of the second camera, as in OpenVINS and Basalt. line: anew along the epipolar line, as in Kimera.
-    imported: not at all; both positions are imported, and tracks have the same names for both cameras.
+    descriptor: anew among keypoints near the epipolar line, by descriptors, as in ORB-SLAM3 and OKVIS2. imported: not
+    at all; both positions are imported, and tracks have the same names for both cameras.
     """
 
     first = "first"
     last = "last"
     line = "line"
+    descriptor = "descriptor"
     imported = "imported"
+
+
+class Method(StrEnum):
+    """How features are followed from image to image: by pyramidal Lucas-Kanade, or as by the tracker `patch`."""
+
+    lucas_kanade = "lucas-kanade"
+    patch = "patch"
+
+
+@dataclass(frozen=True, slots=True)
+class PatchSettings:
+    """Settings of patches: see `tracknoise.trackers.aligned_patches.AlignedPatches`.
+
+    Parameters
+    ----------
+    shape
+        Which pixels count.
+    warp
+        What may happen to a patch besides a shift.
+    brightness
+        How its gray values may change.
+    """
+
+    shape: Shape = Shape.square
+    warp: Warp = Warp.se2
+    brightness: Brightness = Brightness.both
+
+    def __post_init__(self) -> None:
+        settle_members(self, shape=Shape, warp=Warp, brightness=Brightness)
 
 
 class Start(StrEnum):
@@ -62,8 +98,6 @@ class Start(StrEnum):
 class SecondView:
     """Settings of a tracker that finds the features of another one in the images of a second camera.
 
-    Positions are searched by pyramidal Lucas-Kanade, but along lines by templates.
-
     Parameters
     ----------
     of
@@ -74,12 +108,15 @@ class SecondView:
         From where features are searched that began before: see `Search`.
     start_at
         Where a search from the first camera starts: see `Start`.
-    line
-        Of the search along lines: see `tracknoise.trackers.line_search.LineSearch`.
+    line, descriptors
+        Of the search along lines, and of that by descriptors: see `tracknoise.trackers.line_search.LineSearch` and
+        `tracknoise.trackers.descriptor_search.DescriptorSearch`.
     second
         Options of the imported tracks in the second camera that differ from `options`, such as ``camera``.
+    method, patch
+        Of the searches `first` and `last`: see `Method`, and `PatchSettings` of patches.
     window_px, extra_levels, iterations, epsilon
-        As of `tracknoise.trackers.lucas_kanade.LucasKanade`.
+        As of `tracknoise.trackers.lucas_kanade.LucasKanade`; a patch has up to 99 px.
     backward_px
         Each feature is followed back, and dropped if that ends farther than this from where it began, px. None: it is
         not followed back.
@@ -99,7 +136,10 @@ class SecondView:
     search: Search = Search.first
     start_at: Start = Start.same
     line: LineSearch = field(default_factory=LineSearch)
+    descriptors: DescriptorSearch = field(default_factory=DescriptorSearch)
     second: Mapping[str, object] = field(default_factory=dict)
+    method: Method = Method.lucas_kanade
+    patch: PatchSettings = field(default_factory=PatchSettings)
     window_px: Annotated[int, Ge(3), Le(LARGEST_WINDOW_PX)] = 21
     extra_levels: Annotated[int, Ge(0), Le(MOST_LEVELS)] = 3
     iterations: Annotated[int, Ge(1)] = 30
@@ -109,8 +149,10 @@ class SecondView:
     preprocessing: Preprocessing = field(default_factory=Preprocessing)
 
     def __post_init__(self) -> None:
-        settle_members(self, search=Search, start_at=Start)
+        settle_members(self, search=Search, start_at=Start, method=Method)
         require_bounds(self)
+        if self.method is Method.patch:
+            require_within("window_px", self.window_px, bounds_of(AlignedPatches)["window_px"])
         is_imported = self.search is Search.imported
         require(self.of == "imported" or not is_imported, "of", self.of, 'imported, as search = "imported"')
         require(is_imported or not self.second, "second", dict(self.second), 'nothing without search = "imported"')
@@ -178,7 +220,16 @@ class SecondViewTracker:
         self._ids: NDArray[np.int64] = np.empty(0, np.int64)
         self._uv: Array = np.empty((0, 2))
         self._on_lines = settings.line.of(pair) if settings.search is Search.line else None
-        self._images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None = None
+        self._by_descriptors = settings.descriptors.of(pair) if settings.search is Search.descriptor else None
+        self._images: Frames | None = None
+        patch = settings.patch
+        self._patches = Alignment(
+            offsets(settings.window_px, patch.shape),
+            patch.warp,
+            patch.brightness,
+            settings.iterations,
+            settings.epsilon,
+        )
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -226,14 +277,14 @@ class SecondViewTracker:
             first_uv=first.uv[shown],
         )
 
-    def _prepared(self, frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | None:
+    def _prepared(self, frame: Frame) -> Frames | None:
         """Both images of a frame; None where the second camera has none."""
         second, prepared = frame.second, self._settings.preprocessing.applied
-        return None if second is None else (prepared(frame).image, prepared(Frame(frame.index, second)).image)
+        return None if second is None else (prepared(frame), prepared(Frame(frame.index, second)))
 
     def _tracked(
         self,
-        images: tuple[NDArray[np.uint8], NDArray[np.uint8]] | None,
+        images: Frames | None,
         first_uv: Array,
         ids: NDArray[np.int64],
         alive: NDArray[np.bool_],
@@ -261,23 +312,35 @@ class SecondViewTracker:
             end[found[off]] = TrackEnd.outlier
         return end
 
-    def _searched(self, images: tuple[NDArray[np.uint8], NDArray[np.uint8]], first_uv: Array) -> Array:
+    def _searched(self, images: Frames, first_uv: Array) -> Array:
         """(n, 2): positions in the second image of features of the first; NaN where not found."""
+        if self._by_descriptors is not None:
+            return self._by_descriptors.found(images, first_uv)
         if self._on_lines is not None:
-            return self._on_lines.found(images, first_uv)
+            return self._on_lines.found((images[0].image, images[1].image), first_uv)
         start = first_uv
         if self._settings.start_at is Start.infinity:
             start = self._pair.at_infinity(first_uv)
         return self._followed(*images, first_uv, np.where(np.isfinite(start), start, first_uv))
 
-    def _followed(self, source: NDArray[np.uint8], target: NDArray[np.uint8], uv: Array, start: Array) -> Array:
+    def _followed(self, source: Frame, target: Frame, uv: Array, start: Array) -> Array:
         """(n, 2): positions in another image; NaN where not found."""
         if not len(uv):
             return uv
-        given, patch = self._settings, uv.astype(np.float32)
-        moved, found, _ = aligned(given, source, target, patch, start.astype(np.float32), given.extra_levels)
+        moved, found = self._aligned(source, target, uv, start)
         found = found & np.isfinite(moved).all(axis=1)
-        if given.backward_px is not None:
-            back, returned, _ = aligned(given, target, source, moved, moved, given.extra_levels)
-            found &= returned & (np.linalg.norm(back - uv, axis=1) <= given.backward_px)
-        return np.where(found[:, None], moved.astype(np.float64), np.nan)
+        if self._settings.backward_px is not None:
+            back, returned = self._aligned(target, source, moved, moved)
+            found &= returned & (np.linalg.norm(back - uv, axis=1) <= self._settings.backward_px)
+        return np.where(found[:, None], moved, np.nan)
+
+    def _aligned(self, source: Frame, target: Frame, uv: Array, start: Array) -> tuple[Array, NDArray[np.bool_]]:
+        """Positions (n, 2) in another image, and which of them were found (n,)."""
+        given = self._settings
+        if given.method is Method.patch:
+            before, after = (pyramid_of(frame, given.extra_levels, given.window_px) for frame in (source, target))
+            seen = self._patches.follow(before, after, uv, start)
+            return seen.uv, seen.found
+        patch, guess = uv.astype(np.float32), start.astype(np.float32)
+        moved, found, _ = aligned(given, source.image, target.image, patch, guess, given.extra_levels)
+        return moved.astype(np.float64), found

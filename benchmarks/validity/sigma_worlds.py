@@ -62,6 +62,33 @@ class Track:
 
 
 @dataclass(frozen=True, eq=False)
+class Pair:
+    """A second camera, and what errors there have in common with those in the first.
+
+    Errors in both have the same covariances, but that a feature has white noise in the second image at birth.
+    """
+
+    place: Array  # (4, 4), metres: pose of the second camera in the first
+    shared: float  # correlation of the errors in both cameras
+
+    def covariance(self, of_one: Array, white: float, at: NDArray[np.intp]) -> Array:
+        """(2 n, 2 n) px^2 of one coordinate at some ages, in the first camera and then in the second."""
+        beside = of_one.copy()
+        beside[0, 0] = white**2
+        both = np.block([[of_one, self.shared * of_one], [self.shared * of_one, beside]])
+        rows = np.concatenate([at, at + len(of_one)])
+        return np.asarray(both[np.ix_(rows, rows)])
+
+    def drawn(self, own: "Scene", track: "Track", random: np.random.Generator) -> Array:
+        """(2, n, 2) px: errors of a track in both cameras."""
+        n = len(track.frames)
+        whole = self.covariance(own.covariance(track), own.sigmas["white"], np.arange(n))
+        values, axes = np.linalg.eigh(whole)
+        errors = axes * np.sqrt(np.maximum(values, 0.0)) @ random.standard_normal((2 * n, 2))
+        return np.asarray(errors.reshape(2, n, 2))
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A recording and the tracks that a tracker has in it."""
 
@@ -87,11 +114,14 @@ class Scene:
 
     def sums(self, name: str, random: np.random.Generator, nu: float = np.inf) -> pl.DataFrame:
         """What a noise model is fitted to, of drawn errors."""
+        return self.sums_of(name, np.concatenate([self.drawn(one, random, nu) for one in self.tracks]))
+
+    def sums_of(self, name: str, errors: Array) -> pl.DataFrame:
+        """The same of the errors of all tracks, (n, 2) px."""
         track = np.repeat(np.arange(len(self.tracks)), self.lengths())
         age = np.concatenate([one.age for one in self.tracks])
         magnification = np.concatenate([one.magnification for one in self.tracks])
         walked = np.concatenate([np.cumsum(np.where(one.age > 0, one.magnification**-2, 0.0)) for one in self.tracks])
-        errors = np.concatenate([self.drawn(one, random, nu) for one in self.tracks])
         frame = np.concatenate([one.frames for one in self.tracks])
         made = ErrorTracks(
             rows=np.arange(len(track)),
@@ -173,15 +203,17 @@ def _is_seen(uv: Array) -> bool:
     return bool(0 <= uv[0] <= WIDTH - 1 and 0 <= uv[1] <= HEIGHT - 1)
 
 
-def squared_sigma(own: Scene, start: int, length: int) -> float | None:
+def squared_sigma(own: Scene, start: int, length: int, pair: Pair | None = None) -> float | None:
     """NEES of the newest pose of one window with a sigma of 1 px; None where tracks do not determine its poses."""
-    parts = eliminated(own, start, length)
+    parts = eliminated(own, start, length, pair)
     if parts is None:
         return None
     p = 6 * length - 7
     information, middle = np.zeros((p, p)), np.zeros((p, p))
     for one, at, left, _ in parts:
-        true = np.kron(own.covariance(one)[np.ix_(at, at)], np.eye(2))
+        of_one = own.covariance(one)
+        every = of_one[np.ix_(at, at)] if pair is None else pair.covariance(of_one, own.sigmas["white"], at)
+        true = np.kron(every, np.eye(2))
         information += left.T @ left
         middle += left.T @ true @ left
     if np.linalg.cond(information) > 1e12:
@@ -191,25 +223,33 @@ def squared_sigma(own: Scene, start: int, length: int) -> float | None:
     return float(np.trace(np.linalg.solve(claimed[-5:, -5:], actual)) / 5.0)
 
 
-def eliminated(own: Scene, start: int, length: int) -> list[tuple[Track, NDArray[np.intp], Array, Array]] | None:
+def eliminated(
+    own: Scene, start: int, length: int, pair: Pair | None = None
+) -> list[tuple[Track, NDArray[np.intp], Array, Array]] | None:
     """Tracks of a window, and of each: places of its frames there, derivatives by poses (2 n, p) without what its point
-    absorbs, and a basis (2 n, 3) of that; None where there are too few.
+    absorbs, and a basis (2 n, 3) of that; None where there are too few. With a pair, rows of both cameras, (4 n, ...).
     """
     last = start + length - 1
     seen = [one for one in own.tracks if _within(one, start, last).sum() >= LEAST]
     if len(seen) < 15:
         return None
     across = np.linalg.svd(own.poses[last : last + 1, :3, 3] - own.poses[start : start + 1, :3, 3])[2][1:]
-    by_pose, by_point = _derivatives(own.poses[start : last + 1], np.array([one.point for one in seen]))
+    poses, points = own.poses[start : last + 1], np.array([one.point for one in seen])
+    places = [np.eye(4)] if pair is None else [np.eye(4), pair.place]
+    of_cameras = [_derivatives(poses, points, place) for place in places]
     found = []
     for number, one in enumerate(seen):
         at = np.flatnonzero(_within(one, start, last))
         frames = one.frames[at] - start
-        every = np.zeros((len(at), 2, length, 6))
-        every[np.arange(len(at)), :, frames] = by_pose[number, frames]
-        flat = every.reshape(2 * len(at), 6 * length)
-        rows = np.hstack([flat[:, 6:-3], flat[:, -3:] @ across.T])
-        span = np.linalg.qr(by_point[number, frames].reshape(-1, 3))[0]
+        flat, by_point = [], []
+        for of_pose, of_point in of_cameras:
+            every = np.zeros((len(at), 2, length, 6))
+            every[np.arange(len(at)), :, frames] = of_pose[number, frames]
+            flat.append(every.reshape(2 * len(at), 6 * length))
+            by_point.append(of_point[number, frames].reshape(-1, 3))
+        whole = np.concatenate(flat)
+        rows = np.hstack([whole[:, 6:-3], whole[:, -3:] @ across.T])
+        span = np.linalg.qr(np.concatenate(by_point))[0]
         found.append((one, at, rows - span @ (span.T @ rows), span))
     return found
 
@@ -218,12 +258,16 @@ def _within(track: Track, first: int, last: int) -> NDArray[np.bool_]:
     return np.asarray((track.frames >= first) & (track.frames <= last))
 
 
-def _derivatives(poses: Array, points: Array) -> tuple[Array, Array]:
-    """By each pose, (points, frames, 2, 6), and by the point, (points, frames, 2, 3): central differences."""
+def _derivatives(poses: Array, points: Array, place: Array) -> tuple[Array, Array]:
+    """By each pose, (points, frames, 2, 6), and by the point, (points, frames, 2, 3): central differences.
+
+    `place`: (4, 4), pose of the camera in that whose poses these are.
+    """
     step = 1e-5
 
     def images(rotations: Array, positions: Array, moved: Array) -> Array:
         local = np.einsum("fji,pfj->pfi", rotations, moved[:, None] - positions)
+        local = (local - place[:3, 3]) @ place[:3, :3]
         return FOCAL * local[..., :2] / local[..., 2:]
 
     rotations, positions = poses[:, :3, :3], poses[:, :3, 3]

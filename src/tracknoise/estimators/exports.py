@@ -210,7 +210,7 @@ class Noise:
         """(3, 3) float64, px^2, of u in the first camera, u in the second, and v, which both have in common."""
         both = self.model.of_both
         assert both is not None, "the model is of two cameras"
-        variance = (self.plain_sigma / both.sigma_ratio) ** 2
+        variance = (self.plain_sigma * both.correlated_ratio) ** 2
         return variance * np.array([[1.0, both.correlation, 0.0], [both.correlation, 1.0, 0.0], [0.0, 0.0, 1.0]])
 
     @property

@@ -276,7 +276,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     common = common_of(read, level=level)
     alone = _equivalents(read, fitted, by_length, common)
     pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(outliers))
-    sigmas = alone if pair is None else pair.equivalents(alone)
+    sigmas = alone if pair is None else pair.equivalents(alone, read.groups, level)
     kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level, pair)
     tails = fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups)
     points = known_points(
@@ -308,7 +308,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "kernels": kernels,
         "gate_trial": gate_trial,
         "known_points": points if pair is None else pair.known_points(points),
-        "of_both": None if pair is None else pair.trial(LENGTH, alone, sigmas, read.groups, level),
+        "of_both": None if pair is None else pair.trial(LENGTH, read.groups, level),
     }
 
 
@@ -327,7 +327,7 @@ def equivalents_of(read: TrainingTables, fitted: FittedComponents, lengths: Sequ
     by_length = _windows(read, lengths)
     alone = _equivalents(read, fitted, by_length, common_of(read, level=fitted.level))
     pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(read["noise_outliers"]))
-    return alone if pair is None else pair.equivalents(alone)
+    return alone if pair is None else pair.equivalents(alone, read.groups, fitted.level)
 
 
 def _windows(read: TrainingTables, lengths: Sequence[int]) -> dict[int, Windows]:

@@ -93,21 +93,20 @@ class SampledErrors:
     def moments(self, n: int, born: NDArray[np.bool_]) -> Array | None:
         """(tracks, m, m) px^2: mean products of the m = 2 n cameras errors of tracks; None where none is long enough.
 
-        `born`: (tracks,), as those of `LinearTracks`, by which errors begin as in `drawn`.
+        `born`: (tracks,), as those of `LinearTracks`. Errors of those begin at birth, of others anywhere later.
         """
         usable = np.flatnonzero(self.length >= n)
         if not len(usable):
             return None
         starts = self.length[usable] - n + 1
-        late = np.repeat(usable, starts), np.concatenate([np.arange(one) for one in starts]), np.repeat(starts, starts)
-        begun = usable, np.zeros_like(usable), np.ones_like(usable)
-        of_kind = [self._moments(n, *begins) for begins in (late, begun)]
+        late = np.repeat(usable, starts), np.concatenate([np.arange(one) for one in starts])
+        of_kind = [self._moments(n, *begins) for begins in (late, (usable, np.zeros_like(usable)))]
         return np.stack(of_kind)[born.astype(np.intp)]
 
-    def _moments(self, n: int, track: Array, begin: Array, starts: Array) -> Array:
-        """Of n errors of tracks from some places on, each of which counts by how many a track has."""
+    def _moments(self, n: int, track: NDArray[np.intp], begin: NDArray[np.intp]) -> Array:
+        """Of n errors of tracks from some places on: a track that lives longer is seen at more of them."""
         own = self.errors[track[:, None], begin[:, None] + np.arange(n)].swapaxes(1, 2).reshape(len(track), -1)
-        weight = self.weight[track] / starts
+        weight = self.weight[track]
         return np.asarray((weight[:, None] * own).T @ own / weight.sum(), dtype=np.float64)
 
 
@@ -189,10 +188,10 @@ def drawn_windows(tracks: pl.DataFrame, windows: Windows, most_px: float) -> Ite
                 yield DrawnWindow(names[place], groups, tuple(own for _, own in drawn))
 
 
-def sampled_scenes(tracks: pl.DataFrame, most_px: float) -> dict[int, SampledErrors]:
+def sampled_scenes(tracks: pl.DataFrame, most_px: float, most: int = _MOST_SCENES) -> dict[int, SampledErrors]:
     """Errors of some scenes with enough tracks, by the places of their names in order; arguments as above."""
     names = tracks["scene"].unique().sort().to_list()
-    places = np.unique(np.linspace(0, len(names) - 1, min(_MOST_SCENES, len(names))).round().astype(int)).tolist()
+    places = np.unique(np.linspace(0, len(names) - 1, min(most, len(names))).round().astype(int)).tolist()
     every = {place: SampledErrors.of(tracks.filter(scene=names[place]), most_px) for place in places if names}
     return {place: scene for place, scene in every.items() if len(scene.errors) >= _LEAST_TRACKS}
 

@@ -329,8 +329,9 @@ class OfBoth:
     ----------
     correlation
         Of the errors in both cameras, of those older than 0 frames.
-    sigma_ratio
-        Sigma for both cameras, over that for the second alone, for a free landmark and the newest pose.
+    correlated_ratio
+        Sigma of an estimator that knows this correlation, over that of one that takes positions as independent, for a
+        free landmark and the newest pose.
     position_ratio, rotation_ratio
         Errors of the newest pose with both cameras, over those with the first alone, where the scale is known.
     windows
@@ -338,7 +339,7 @@ class OfBoth:
     """
 
     correlation: Annotated[float, Ge(-1), Le(1)]
-    sigma_ratio: Annotated[float, Gt(0), Le(_MOST_RATIO)]
+    correlated_ratio: Annotated[float, Gt(0), Le(_MOST_RATIO)]
     position_ratio: Interval
     rotation_ratio: Interval
     windows: Annotated[int, Ge(1)]

@@ -14,11 +14,11 @@ from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, second_of, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
-from tracknoise.statistics.pair_sums import pair_sums, pair_tracks
+from tracknoise.statistics.pair_sums import pair_sums
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.statistics.samples import audited_observations, births_with_depth
-from tracknoise.statistics.windows import noise_tracks, window_noise
+from tracknoise.statistics.windows import noise_tracks, pair_tracks, window_noise
 from tracknoise.tables.findings_schema import AUDIT_SAMPLES, CAMERAS, DEPTH_REPEATS, PATH
 from tracknoise.tables.identity import Direction
 from tracknoise.tables.schema import POSES, QUALITY_PREFIX, RIG, SEQUENCE, Schema, check, empty, of_second_camera
@@ -142,7 +142,8 @@ def geometry_tables(
         more = _of_errors(*of_second, experiment.truth.population, truth)
         tables = {name: _together(tables[name], more[name]) for name in tables}
         tables |= {"pair_sums": pair_sums(of_second[0]), "rig": rig_table(sequence)}
-        tables |= {"pair_tracks": pair_tracks(of_second[0], more["noise_tracks"])} if "noise_tracks" in more else {}
+        if truth != TRIANGULATED:
+            tables["pair_tracks"] = pair_tracks(of_second[0], population=experiment.truth.population)
     return {
         **camera_tables(sequence, n_frames),
         "audit_samples": audit_samples(sequence, first, truth),

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import ORIGIN, PAIR, PAIR_SUMS, PAIR_TRACKS, check, empty
+from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty
 
 Array = NDArray[np.float64]
 
@@ -70,17 +70,3 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
     found = seen.conditions[condition].with_columns(**columns)
     sums = found.select(pl.col(name).cast(kind) for name, kind in PAIR_SUMS.items())
     return check(sums, PAIR_SUMS, "pair sums")
-
-
-def pair_tracks(sequence: PreparedSequence, noise_tracks: pl.DataFrame) -> pl.DataFrame:
-    """Errors in both cameras of sampled tracks. Returns schema `PAIR_TRACKS`, in the order of the sample.
-
-    `sequence`: as in `pair_sums`. `noise_tracks`: schema `NOISE_TRACKS`, of its trackers. Tracks are left out that have
-    an observation without an error in the first camera.
-    """
-    key, errors = [*ORIGIN, "track"], ["first_du_px", "first_dv_px"]
-    of_first = sequence.observations.select(*key, "age", *errors)
-    both = noise_tracks.join(of_first, on=[*key, "age"], how="left", maintain_order="left", nulls_equal=True)
-    known = both.filter(pl.all_horizontal(pl.col(errors).is_not_null()).all().over(key))
-    found = known.select(pl.col(name).cast(kind) for name, kind in PAIR_TRACKS.items())
-    return check(found, PAIR_TRACKS, "pair tracks")

@@ -65,6 +65,8 @@ from tracknoise.tables.schema import (
     FITTED_NOISE,
     LEVERAGE,
     NOISE_TRACKS,
+    ORIGIN,
+    PAIR_TRACKS,
     TRIMMING,
     WINDOW_BLOCKS,
     WINDOW_NOISE,
@@ -307,6 +309,8 @@ MOST = 96
 """Tracks of a sequence, condition and class of lengths that are kept."""
 SAMPLED_LENGTHS = (5, 10, 15)
 """Lengths of the windows that are cut from them, in observations: each begins a class."""
+MOST_OF_PAIR = 60
+"""Observations of a track whose errors in both cameras are kept: errors of both grow apart over its life."""
 _DERIVATIVES = ("across_u", "across_v", "other_u", "other_v", "depth_u", "depth_v")
 
 
@@ -327,11 +331,8 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
     polars.DataFrame
         Schema `NOISE_TRACKS`, sorted.
     """
-    rows, start, length = window_runs(sequence, population)
-    chosen, stands_for = _spread(sequence, rows[start], length)
-    counts = np.minimum(length[chosen], max(SAMPLED_LENGTHS))
+    observed, counts, stands_for = _sample(sequence, population, max(SAMPLED_LENGTHS))
     first = np.cumsum(counts) - counts
-    observed = rows[np.repeat(start[chosen] - first, counts) + np.arange(counts.sum())]
     jacobian, ray_m = window_derivatives(sequence, geometry, observed, first, counts)
     bases = np.concatenate([directions(ray_m)[0], ray_m[:, :, None]], axis=2)
     derivatives = np.swapaxes(jacobian @ np.repeat(bases, counts, axis=0), 1, 2).reshape(-1, len(_DERIVATIVES))
@@ -339,7 +340,7 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
     columns = {
         "block": sequence.block[observed],
         "track": seen.track[observed],
-        "stands_for": np.repeat(stands_for, counts),
+        "stands_for": stands_for,
         "kept": seen.kept[observed],
         "age": seen.age[observed],
         **dict(zip(("du_px", "dv_px"), seen.error_px[observed].T, strict=True)),
@@ -350,6 +351,44 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
     typed = _finite(table).select(pl.col(name).cast(kind) for name, kind in NOISE_TRACKS.items())
     keys = [*seen.conditions.columns, "track", "age"]
     return check(typed.sort(keys), NOISE_TRACKS, "noise tracks")
+
+
+def pair_tracks(sequence: PreparedSequence, *, population: str) -> pl.DataFrame:
+    """Errors in both cameras of the tracks that `noise_tracks` has, which may be longer here.
+
+    Parameters
+    ----------
+    sequence, population
+        As there; of trackers of a second camera, whose observations have `PAIR`. Tracks are left out that have an
+        observation without an error in the first camera.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `PAIR_TRACKS`, sorted.
+    """
+    observed, counts, stands_for = _sample(sequence, population, MOST_OF_PAIR)
+    table = sequence.observations[observed].with_columns(stands_for=stands_for)
+    track = pl.Series(np.repeat(np.arange(len(counts)), counts))
+    known = table.filter(pl.all_horizontal(pl.col("first_du_px", "first_dv_px").is_not_null()).all().over(track))
+    typed = known.select(pl.col(name).cast(kind) for name, kind in PAIR_TRACKS.items())
+    return check(typed.sort(*ORIGIN, "track", "age"), PAIR_TRACKS, "pair tracks")
+
+
+def _sample(
+    sequence: PreparedSequence, population: str, most: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.float64]]:
+    """First observations of some tracks of every condition, at most so many of each.
+
+    Returns their rows, track by track; how many there are of each track; and how many tracks that of each row stands
+    for.
+    """
+    rows, start, length = window_runs(sequence, population)
+    chosen, stands_for = _spread(sequence, rows[start], length)
+    counts = np.minimum(length[chosen], most)
+    first = np.cumsum(counts) - counts
+    observed = rows[np.repeat(start[chosen] - first, counts) + np.arange(counts.sum())]
+    return observed, counts, np.repeat(stands_for, counts)
 
 
 def _spread(

@@ -21,7 +21,8 @@ from tracknoise.estimators.linear_window import (
     trajectory,
 )
 from tracknoise.estimators.model import Equivalent, Interval, KnownPoints, Landmark, OfBoth, Purpose
-from tracknoise.estimators.training import Windows
+from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.estimators.training import Recording, Windows, windows
 from tracknoise.estimators.two_cameras import TwoCameras
 from tracknoise.geometry.cameras import Camera
 from tracknoise.geometry.pose import invert, transform
@@ -189,6 +190,28 @@ def test_exports_are_for_both_cameras():
     assert "positions in both cameras" in said
     assert "0.7 (0.6 to 0.8) times" in said
     assert "both cameras" not in lucas_kanade().export("openvins").text
+
+
+def test_documents_of_two_cameras_come_back(tmp_path):
+    both = OfBoth(
+        correlation=0.8,
+        correlated_ratio=0.8,
+        position_ratio=Interval(value=0.7),
+        rotation_ratio=Interval(value=0.5),
+        windows=24,
+    )
+    path = tmp_path / "noise.json"
+    lucas_kanade(of_both=both).write(path)
+    assert NoiseModel.read(path).of_both == both
+    assert "of_both" not in lucas_kanade().text
+
+
+def test_simulated_windows_have_the_second_camera_of_the_recordings():
+    recording = Recording("s0", pl.DataFrame(), pl.DataFrame(), np.empty((0, 3)), np.array([8]), RIG)
+    found = windows([recording], speed=1, length=LENGTH, lifetimes=np.full(20, 8))
+    assert found.simulated
+    assert all(group.beside is not None for one in found.each for group in one)
+    assert TwoCameras.of(table("shared"), {LENGTH: found}, np.inf) is not None
 
 
 def test_cameras_without_errors_say_nothing():

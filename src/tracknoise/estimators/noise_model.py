@@ -62,6 +62,8 @@ _EARLIER = ("tracknoise.noise/1",)
 """Formats whose documents lack fields that may be missing."""
 _GONE = "depth"
 """A purpose of equivalents in earlier formats. Depths are those of the table `window_sigmas` of a run."""
+_WHERE_KNOWN = ("of_both",)
+"""Fields that a document has only where they are known."""
 _KEY, _EXPECTED = "format", "a noise model, as `tracknoise export --model` writes it"
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 """What a class of documents sets as its ``__pydantic_config__``: unknown keys are refused."""
@@ -74,6 +76,7 @@ _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 def written(kind: type[_Model], model: _Model) -> str:
     """The document of a model, JSON."""
     fields = _adapter(kind).dump_python(model, mode="json")
+    fields = {name: value for name, value in fields.items() if value is not None or name not in _WHERE_KNOWN}
     return json.dumps({_KEY: FORMAT, **fields}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 

@@ -380,7 +380,8 @@ def windows(recordings: Sequence[Recording], *, speed: int, length: int, lifetim
 
     Tracks may begin before a window, where they were first seen.
 
-    If there is none, a simulated window of sideways and one of forward motion, with tracks of these lifetimes.
+    If there is none, a simulated window of sideways and one of forward motion, with tracks of these lifetimes, and the
+    second camera beside the first as it is in the recordings.
     """
     count = max(1, -(-_ENOUGH // max(len(recordings), 1)))
     found = [
@@ -389,7 +390,9 @@ def windows(recordings: Sequence[Recording], *, speed: int, length: int, lifetim
     if found:
         return Windows([window for _, window in found], [scene for scene, _ in found])
     poses = [trajectory(motion, length) for motion in Motion]
-    made = [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None))]
+    recorded = next((one.rig for one in recordings if one.rig is not None), None)
+    rig = None if recorded is None else replace(recorded, camera=CAMERA)
+    made = [window for each in poses if (window := _linear(CAMERA, each, lifetimes, None, rig=rig))]
     return Windows(made, [None] * len(made))
 
 

@@ -107,11 +107,11 @@ def sigmas(members: Sequence[Member]) -> tuple[Interval, Interval]:
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--runs", type=int, default=100)
+    parser.add_argument("--runs", type=int, default=80)
     parser.add_argument("--scenes", type=int, nargs="+", default=[6, 12, 28])
     parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=["white", "walk", "both", "detection"])
     parser.add_argument("--shared", type=float, nargs="+", default=[0.0, 0.9])
-    parser.add_argument("--population", type=int, default=200)
+    parser.add_argument("--population", type=int, default=150)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     for name, shared in [(name, shared) for name in given.worlds for shared in given.shared]:

@@ -581,16 +581,7 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
 
 def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
-    if model.of_both is not None:
-        yield (
-            f"Sigma is for positions in both cameras, taken as independent. Their errors correlate by "
-            f"{model.of_both.correlation:.2g}, which sigma counts."
-        )
-        position, rotation = map(_bounded, (model.of_both.position_ratio, model.of_both.rotation_ratio))
-        yield (
-            f"With both cameras, errors of the newest position are {position} times those with the first alone, and of "
-            f"its rotation {rotation} times, where the scale is known."
-        )
+    yield from of_both(model)
     if advice.simulated:
         yield f"Windows are simulated: no recording has {advice.window} frames that move."
     if lived := short_tracks(model.training.median_lifetime, advice.window):
@@ -608,6 +599,22 @@ def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     if Gate.TRACK in advice.gates:
         yield "The gate passes 80 % of good tracks at true poses. One for 95 % gave no better positions."
     yield from _of_gate(advice)
+
+
+def of_both(model: ExportedModel) -> Iterator[str]:
+    """That sigma is for positions in two cameras, and what the second one gains; nothing of a tracker of one camera."""
+    both = model.of_both
+    if both is None:
+        return
+    position, rotation = map(_bounded, (both.position_ratio, both.rotation_ratio))
+    yield (
+        "Sigma is for positions in both cameras, taken as independent. It counts that their errors have a correlation "
+        f"of {both.correlation:.2g}."
+    )
+    yield (
+        f"With both cameras, errors of the newest position are {position} times those with the first alone, and of its "
+        f"rotation {rotation} times, where the scale is known."
+    )
 
 
 def _of_gate(advice: Advice) -> Iterator[str]:

@@ -3,7 +3,7 @@
 import math
 
 from tracknoise.estimators.advice import Advice, innovations_of
-from tracknoise.estimators.exports import estimator, in_words, of_common
+from tracknoise.estimators.exports import estimator, in_words, of_both, of_common
 from tracknoise.estimators.model import BiasKind, Interval, Landmark, Purpose
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.estimators.track_likelihood import BULK, LEAST_NU
@@ -101,7 +101,8 @@ def _advice(model: NoiseModel, name: str, features: int | None) -> list[str]:
         return [f"What to set in {about.title} is unknown: {error}."]
     innovations = innovations_of(model, advice)
     to_set = in_words(advice, is_bound=not model.truth.is_usable)
-    return [f"In {about.title}, set {to_set}.", f"Innovations look like {number(innovations.value)} px."]
+    look = f"Innovations look like {number(innovations.value)} px."
+    return [f"In {about.title}, set {to_set}.", look, *of_both(model)]
 
 
 def _range(interval: Interval) -> str:

@@ -31,7 +31,7 @@ def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
     ("one", "title"),
     [
         (to_set(0.16, 0.069), "Your innovations say 0.069 px. Set 0.160 px."),
-        (to_set(0.16, 0.069, is_bound=True), "Your innovations say 0.069 px. Set 0.160 px, an upper bound."),
+        (to_set(0.16, 0.069, is_bound=True), "Your innovations say 0.069 px. Sigma is at most 0.160 px."),
         (to_set(0.5, 0.49), "Your innovations are right: set 0.500 px."),
     ],
 )

@@ -11,6 +11,7 @@ from html.parser import HTMLParser
 from pathlib import Path
 
 import cv2
+import polars as pl
 import pytest
 
 from tracknoise.exceptions import StoreError, UnknownNameError
@@ -287,3 +288,21 @@ def test_the_page_does_not_name_the_folders_of_the_machine(own_run: RunFolder) -
     data = replace(ReportData.of(own_run), manifest=manifest, settings=settings)
     assert dict(measured.settings(data).rows)["dataset.root"] == ".../one"
     assert [note for _, note in measured.notes(data)] == [".../one/rgb.txt: 3 images are not there."]
+
+
+@pytest.mark.usefixtures("one_family")
+@pytest.mark.parametrize("verdict", ["trusted", "not trusted"])
+def test_a_truth_that_is_not_trusted_comes_first_and_nothing_is_to_be_set(
+    fitted_run: RunFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, verdict: str
+) -> None:
+    shutil.copytree(fitted_run.path, tmp_path / "run")
+    run = RunFolder(tmp_path / "run")
+    data = ReportData.of(run)
+    row = {"cause": "every", "verdict": verdict, "text": "A sentence.", "step": "Another one."}
+    found = data.with_tables(trust=pl.DataFrame([row], schema=data["trust"].schema))
+    monkeypatch.setattr(ReportData, "of", classmethod(lambda cls, run: found))
+    first = write_report(run).read_text(encoding="utf-8").split("</header>")[0]
+    is_first = first.index('id="ask-trust"') < first.index('id="ask-set"')
+    assert is_first == (verdict == "not trusted")
+    assert ("What to set" in first, "data-copy" in first) == (not is_first, not is_first)
+    assert ("Upper bounds of sigma" in first, "Sigma is at most" in first) == (is_first, is_first)

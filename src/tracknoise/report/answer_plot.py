@@ -177,10 +177,11 @@ def answer_plot(
 
 def _title(setting: NoiseToSet) -> str:
     sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
-    to_set = f"{px(sigma)}{', an upper bound' if setting.is_bound else ''}"
+    if setting.is_bound:
+        return f"Your innovations say {px(innovations)}. Sigma is at most {px(sigma)}."
     if _alike(sigma, innovations):
-        return f"Your innovations are right: set {to_set}."
-    return f"Your innovations say {px(innovations)}. Set {to_set}."
+        return f"Your innovations are right: set {px(sigma)}."
+    return f"Your innovations say {px(innovations)}. Set {px(sigma)}."
 
 
 def _alike(first: float, second: float) -> bool:

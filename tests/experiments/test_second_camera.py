@@ -7,10 +7,12 @@ from tests.lean import with_findings
 
 from tracknoise.api.finished_run import open_run
 from tracknoise.estimators.noise_model import NoiseModel
+from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.settings import parse_experiment
 from tracknoise.tables.schema import of_second_camera
 from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.tracker_registry import make_tracker
 
 EXPERIMENT = """
 name = "pair"
@@ -101,3 +103,21 @@ def test_a_run_in_parts_has_the_errors_of_both_cameras(pair, tmp_path):
     tracks = parts.sequence_table("pair_tracks", key)
     assert {*tracks["tracker"]} == {"second", "on-lines"}
     assert not tracks.select("tracker", "track", "age").is_duplicated().any()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"of": "lucas-kanad"}, "unknown tracker 'lucas-kanad'"),
+        ({"options": {"extra_levels": "a"}}, "tracker 'lucas-kanade': extra_levels"),
+    ],
+)
+def test_settings_of_the_tracker_of_the_first_camera_are_checked_with_its_own(options, message):
+    with pytest.raises(TracknoiseError, match=message):
+        make_tracker("second-view", options)
+
+
+def test_a_recording_of_one_camera_is_refused_before_anything_is_followed(tmp_path):
+    text = EXPERIMENT.replace("BASELINE", "0.0") + SECOND
+    with pytest.raises(DataError, match="one camera, expected a second one"):
+        execute(parse_experiment(text, place="test"), RunFolder(tmp_path / "run"), listener=Told(), debug=True)

@@ -48,7 +48,7 @@ _MOST_SCENES, _MOST_WINDOWS = 48, 48
 _OF_GATES = 4
 """Windows that gates are compared on."""
 _MOST_CORRELATED = 0.99
-"""Largest correlation that an estimator is told."""
+"""Largest correlation that an estimator is given."""
 _FIRST: Mapping[Landmark, float | None] = {Landmark.FREE: None, Landmark.EXACT: EXACT}
 """Standard deviation of first positions in the first camera, over that of others, by the kind of landmark."""
 

@@ -48,6 +48,8 @@ from tracknoise.statistics.lifetimes import count_ends
 from tracknoise.statistics.summarise import STATISTICS, statistics_of
 from tracknoise.tables.manifest import SequenceEntry, joined_fit
 from tracknoise.tables.store import RunFolder
+from tracknoise.trackers.tracker import sees_second_camera
+from tracknoise.truth.beside import require_second_camera
 from tracknoise.truth.scan import ScanRule
 from tracknoise.truth_faults.assessment import MOST, refutes
 from tracknoise.words import DEPTH_FROM_IMAGES, SELF_REFERENTIAL
@@ -191,6 +193,9 @@ def _measure_batch(
         warnings.simplefilter("ignore", DataWarning)  # the notes of the sequence contain the same text
         progress = recorder.following(progress)
         sequences = open_batch(batch, change=recorder.recorded)
+        if any(map(sees_second_camera, make_trackers(batch[0].experiment).values())):
+            for sequence in sequences:
+                require_second_camera(sequence)
         parts = () if batch[0].parts else parts_of(batch[0], sequences[0])
         if parts:
             return InParts(parts)

@@ -156,6 +156,7 @@ class SecondView:
         is_imported = self.search is Search.imported
         require(self.of == "imported" or not is_imported, "of", self.of, 'imported, as search = "imported"')
         require(is_imported or not self.second, "second", dict(self.second), 'nothing without search = "imported"')
+        self._made(self.options)
 
     def __hash__(self) -> int:
         return hash(json.dumps(asdict(self), sort_keys=True, default=str))

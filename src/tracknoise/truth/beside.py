@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.sequences.second_camera import Beside
-from tracknoise.sequences.sequence import Sequence, second_of
+from tracknoise.sequences.sequence import SecondCamera, Sequence, second_of
 from tracknoise.truth.anchored import AnchoredTracks, AnchoredTruth, BirthSession
 from tracknoise.truth.truth import TruePositions, Truth, TruthSession
 from tracknoise.truth.visibility import SequenceGeometry, UnknownSurface, locate
@@ -22,10 +22,21 @@ def beside(sequence: Sequence) -> Beside:
     DataError
         If it has none.
     """
+    return Beside(sequence, require_second_camera(sequence))
+
+
+def require_second_camera(sequence: Sequence) -> SecondCamera:
+    """The second camera of a sequence.
+
+    Raises
+    ------
+    DataError
+        If it has none.
+    """
     second = second_of(sequence)
     if second is None:
         raise DataError(sequence.source, "one camera", "a second one, for trackers that find features there")
-    return Beside(sequence, second)
+    return second
 
 
 def beside_session(truth: Truth, sequence: Sequence) -> TruthSession:

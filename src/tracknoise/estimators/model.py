@@ -130,6 +130,11 @@ class Interval:
         low, high = (None if bound is None else bound * factor for bound in (self.low, self.high))
         return Interval(value=self.value * factor, low=low, high=high)
 
+    def root(self) -> "Interval":
+        """The root of a number that is not negative, with its bounds."""
+        low, high = (None if bound is None else math.sqrt(bound) for bound in (self.low, self.high))
+        return Interval(value=math.sqrt(self.value), low=low, high=high)
+
     def require_within(self, name: str, **bounds: float) -> None:
         """Raise InvalidValueError, naming the field, unless all numbers are finite and within bounds."""
         for number in (self.value, self.low, self.high):

@@ -181,7 +181,7 @@ def _known_points(
             square = over_scenes(pl.DataFrame(rows), "square", "n", "log", groups, level)
             if square.value > 0.0:
                 yield KnownPoints(
-                    window=length, kernel=kernel, knee_px=None if kernel is None else knee_px, sigma=_root(square)
+                    window=length, kernel=kernel, knee_px=None if kernel is None else knee_px, sigma=square.root()
                 )
 
 
@@ -198,8 +198,3 @@ def _square(errors: pl.DataFrame, loss: losses.Loss) -> float:
 def _weight(loss: losses.Loss, r: Array) -> Array:
     """Of residuals of these lengths."""
     return loss.weights(np.stack([r, np.zeros_like(r)], axis=1))[:, 0]
-
-
-def _root(square: Interval) -> Interval:
-    low, high = (None if bound is None else math.sqrt(bound) for bound in (square.low, square.high))
-    return Interval(value=math.sqrt(square.value), low=low, high=high)

@@ -123,7 +123,7 @@ class TwoCameras:
         for landmark, first in _FIRST.items():
             squares = self._squares(nearest, first, groups, level)
             ratios |= {
-                (landmark, purpose): _root(square).times(1.0 / of[landmark, purpose].sigma.value)
+                (landmark, purpose): square.root().times(1.0 / of[landmark, purpose].sigma.value)
                 for purpose, square in squares.items()
                 if of[landmark, purpose].sigma.value > 0.0
             }
@@ -226,11 +226,6 @@ def _of_both(alone: Equivalent, ratio: Interval, gates: tuple[float, ...]) -> Eq
         gate_95=alone.gate_95 * gate_95,
         gate_99=alone.gate_99 * gate_99,
     )
-
-
-def _root(square: Interval) -> Interval:
-    low, high = (None if bound is None else bound**0.5 for bound in (square.low, square.high))
-    return Interval(value=square.value**0.5, low=low, high=high)
 
 
 def _gains(one: _Window) -> dict[str, float]:

@@ -9,8 +9,8 @@ in both cameras, C_2 those in the second alone, and M(C) the actual over the cla
 Intervals are over scenes; with too few of them, as wide as those of sigma_2. A first direction that is a state has its
 sigma in the same ratio to sigma_2 as a free landmark. Errors of both cameras may grow apart over the life of a track.
 What it carries into a window is no shift of its point then: tracks that began before it have their errors from any age
-on. Windows of more frames than sampled tracks have get the ratio of the longest ones. In one pose
-from known points, both positions of a point are of one frame:
+on. Windows of more frames than sampled tracks have get the ratio of the longest ones. In one pose from known points,
+both positions of a point are of one frame:
 
     sigma: sqrt(E |e_1 + e_2|^2 / (2 E |e_2|^2))    (pair.known)
 
@@ -87,7 +87,6 @@ class TwoCameras:
     """What positions in both cameras are to estimators, by windows and sampled tracks."""
 
     tracks: pl.DataFrame  # schema `PAIR_TRACKS`, of one tracker, speed and view, without long errors
-    scenes: Mapping[str, SampledErrors]
     windows: Mapping[int, Sequence[_Window]]  # by their length, from the shortest on
 
     @classmethod
@@ -104,7 +103,7 @@ class TwoCameras:
         found = {length: list(_windows(scenes, by_length[length])) for length in sorted(by_length) if length <= longest}
         known = {length: windows for length, windows in found.items() if windows}
         small = [pl.col(f"{name}du_px") ** 2 + pl.col(f"{name}dv_px") ** 2 <= most_px**2 for name in ("first_", "")]
-        pair = cls(tracks.filter(*small), scenes, known)
+        pair = cls(tracks.filter(*small), known)
         squares = pair.products(longest)
         return pair if known and min(squares["first"], squares["second"]) > 0.0 else None
 
@@ -116,7 +115,7 @@ class TwoCameras:
     def _of_length(
         self, length: int, alone: Sequence[Equivalent], groups: SceneGroups, level: float
     ) -> Iterator[Equivalent]:
-        nearest = min(self.windows, key=lambda known: abs(known - length))
+        nearest = self._nearest(length)
         of = {(one.landmark, one.purpose): one for one in alone if one.window == nearest}
         ratios: dict[tuple[Landmark, Purpose], Interval] = {}
         gates: dict[Landmark, tuple[float, ...]] = {}
@@ -134,6 +133,10 @@ class TwoCameras:
                 yield _of_both(one, ratios[kind, one.purpose], gates[kind])
             elif one.window == length:
                 yield one
+
+    def _nearest(self, length: int) -> int:
+        """The length of its windows that is nearest."""
+        return min(self.windows, key=lambda known: abs(known - length))
 
     def _squares(self, length: int, first: float | None, groups: SceneGroups, level: float) -> dict[Purpose, Interval]:
         """Means over scenes of M(C), px^2."""
@@ -157,7 +160,7 @@ class TwoCameras:
 
     def trial(self, length: int, groups: SceneGroups, level: float) -> OfBoth:
         """What is said of both cameras, for a free landmark and the newest pose in windows of a length."""
-        windows = self.windows[min(self.windows, key=lambda known: abs(known - length))]
+        windows = self.windows[self._nearest(length)]
         rows = [{"dataset": self.tracks["dataset"][0], "scene": one.scene, "n": 1.0, **_gains(one)} for one in windows]
         table = pl.DataFrame(rows)
         errors = {name: over_scenes(table, name, "n", "log", groups, level) for name in ("position", "rotation")}

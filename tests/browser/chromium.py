@@ -18,6 +18,7 @@ _FLAGS = (
     *("--headless=new", "--no-sandbox", "--disable-gpu", "--hide-scrollbars", "--remote-debugging-pipe"),
     *("--no-first-run", "--disable-extensions", "--disable-background-networking", "--disable-component-update"),
     *("--font-render-hinting=none", "--force-color-profile=srgb", "--disable-dev-shm-usage"),
+    "--force-prefers-reduced-motion",
 )
 _READ, _WRITE = 3, 4
 """Where the browser reads commands, and where it writes answers."""

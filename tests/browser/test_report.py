@@ -14,14 +14,16 @@ import polars as pl
 import pytest
 from tests.browser.chromium import Page
 
+from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.run_models import run_models
-from tracknoise.report.estimator_exports import exported
+from tracknoise.report.glossary import TERMS
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
 from tracknoise.sequences.images import encode_webp
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.schema import FILM
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import px
 
 Open = Callable[..., Page]
 ODD = "<script>window.harmed = 1</script>\"'`\N{GRINNING FACE}&${x}"
@@ -122,17 +124,45 @@ def test_the_picture_and_its_estimator_are_chosen_on_the_first_screen(
 ) -> None:
     page = open_page(fitted_report, width=1366)
     cells = "[...document.querySelector('[data-set]').cells].map(one => one.textContent.trim())"
+    heading = "document.querySelector('#answer [data-heading]').textContent"
     page.wait("document.querySelector('[data-copy]').title !== ''")
-    of_filter = page.evaluate(cells)
-    choice = "document.querySelector('#choose select')"
-    page.evaluate(f"{choice}.value = 'sliding_window'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
+    of_filter, title = page.evaluate(cells), page.evaluate(heading)
+    model = run_models(fitted_run).models["oracle"]
+    pick(page, "estimator", "sliding_window")
     page.wait("document.querySelector('#export [name=estimator]').value === 'sliding_window'")
-    found = exported(run_models(fitted_run).models["oracle"], "")["sliding_window"]["set"]
-    page.wait(f"{cells}[2] === {json.dumps(found[2])}")
-    assert page.evaluate(cells)[1].startswith(found[0])
-    page.evaluate(f"{choice}.value = 'filter'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
+    for window in ("20", "5"):
+        pick(page, "window", window)
+        sigma = px(estimator("sliding_window").advise(model, window=int(window)).sigma.value)
+        page.wait(f"{cells}[1].startsWith({json.dumps(sigma)})")
+        assert sigma in page.evaluate(heading)
+        assert page.evaluate("document.querySelector('[data-copy]').textContent") == "Copy command"
+        dots = page.evaluate(
+            "[...document.querySelectorAll('.plotted .dots')].filter(one => one.getAttribute('display') !== 'none')"
+            ".map(one => one.dataset.window)"
+        )
+        assert dots == ([window] if int(window) <= model.training.ages[1] + 1 else [])
+    pick(page, "estimator", "filter")
     page.wait(f"JSON.stringify({cells}) === JSON.stringify({json.dumps(of_filter)})")
+    assert page.evaluate(heading) == title
     assert page.errors == []
+
+
+def pick(page: Page, name: str, value: str) -> None:
+    """Choose what the first screen is about."""
+    choice = f"document.querySelector('#choose [name={name}]')"
+    page.evaluate(f"{choice}.value = '{value}'; {choice}.dispatchEvent(new Event('change', {{bubbles: true}}))")
+
+
+def test_words_of_the_first_screen_show_their_definitions(fitted_report: Path, open_page: Open) -> None:
+    page = open_page(fitted_report, width=390)
+    words = page.evaluate("[...document.querySelectorAll('#answer .term')].map(one => one.textContent.toLowerCase())")
+    assert "track gate" in words
+    assert len(set(words)) == len(words)
+    page.command("Emulation.setFocusEmulationEnabled", enabled=True)
+    page.evaluate("document.querySelector('#answer .term').focus()")
+    shown = page.evaluate("getComputedStyle(document.querySelector('#answer .term'), '::after').content")
+    assert json.loads(shown) == TERMS[next(name for name in TERMS if name.lower() == words[0])]
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_links_of_the_first_screen_lead_into_the_page(report: Path, open_page: Open) -> None:
@@ -221,13 +251,13 @@ def test_frames_are_shown_one_by_one(filmed: Path, open_page: Open) -> None:
     page = open_page(filmed)
     page.evaluate("document.getElementById('film').scrollIntoView({behavior: 'instant'})")
     canvas = "document.querySelector('#film canvas').dataset.shown"
-    page.wait(f"{canvas} === 'lucas-kanade 0'")
+    page.wait(f"({canvas} ?? '').startsWith('lucas-kanade')")
     page.evaluate(
         "(() => { const form = document.querySelector('#film form'); form.frame.value = 3; "
         "form.dispatchEvent(new Event('input')); })()"
     )
     page.wait(f"{canvas} === 'lucas-kanade 3'")
-    assert "frame 3: " in page.evaluate("document.querySelector('#film output').textContent")
+    assert "Frame 3: " in page.evaluate("document.querySelector('#film output').textContent")
     assert page.errors == []
 
 

@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 
 from tracknoise.cli.app import main
-from tracknoise.estimators.exports import estimators, refused
+from tracknoise.estimators.exports import Target, estimators, refused
 from tracknoise.estimators.run_models import RunModels, run_models
 from tracknoise.report.estimator_exports import Exports, exported, exports
+from tracknoise.report.settings_picker import Picker
 from tracknoise.report.templates import template
 from tracknoise.tables.store import RunFolder
+from tracknoise.words import pixels, px
 
 
 @pytest.fixture(scope="module")
@@ -61,14 +63,37 @@ def test_the_shown_command_writes_what_the_page_cannot(
     assert "command" not in content["dso"]
 
 
+def picker(fits: RunModels, first: str = "gtsam") -> Picker:
+    return Picker(fits.models, {"oracle": "#000000"}, are_bounds=False, first=first, target=Target(), board=None)
+
+
 def test_the_page_holds_all_exports(fits: RunModels, content: dict[str, dict[str, Any]]) -> None:
-    made = exports(fits.models, missing=fits.missing, paths=fits.paths, first="gtsam")
+    made = exports(picker(fits), missing=fits.missing, paths=fits.paths)
     unpacked = json.loads(zlib.decompress(base64.b64decode(made.packed)))
-    assert unpacked == {"oracle": json.loads(json.dumps(content))}
+    assert unpacked["files"] == {"oracle": json.loads(json.dumps(content))}
     assert made.trackers == ("oracle",)
     assert [name for choice in made.choices for name in choice.estimators] == [*estimators(), *refused()]
     assert made.first in estimators()
-    assert len(made.packed) < 40_000
+    assert len(made.packed) < 60_000
+
+
+@pytest.mark.parametrize("name", ["filter", "openvins", "gtsam", "colmap", "xivo", "pnp", "kimera"])
+def test_what_is_picked_is_what_each_estimator_is_advised(fits: RunModels, name: str) -> None:
+    found, model = picker(fits).choices(), fits.models["oracle"]
+    first, *others = found["settings"][found["kinds"][name]]
+    assert first["window"] == estimators()[name].advise(model).window
+    for entry, features in ((first, None), *((other, other["features"]) for other in others)):
+        for window, words in entry["windows"].items():
+            advice = estimators()[name].advise(model, window=window, features=features)
+            sigma, interval, limit, _ = words["rows"]["oracle"]
+            assert (sigma, interval.partition(" ")[0]) == (px(advice.sigma.value), pixels(advice.sigma.low))
+            assert bool(limit) == bool(advice.gates or advice.knee)
+            assert sigma in words["heading"]
+
+
+def test_estimators_that_take_components_have_nothing_to_pick(fits: RunModels) -> None:
+    kinds = picker(fits).choices()["kinds"]
+    assert set(estimators()) - set(kinds) == {"rovio", "csv", "json"}
 
 
 def test_a_choice_is_the_name_of_the_tracker_as_it_is() -> None:

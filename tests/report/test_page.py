@@ -130,7 +130,7 @@ def test_the_picture_to_share_says_what_to_set(fitted_run: RunFolder) -> None:
     image = cv2.imread(str(index.parent / "share.png"))
     assert image.shape == (630, 1200, 3)
     text = index.read_text(encoding="utf-8")
-    (title,) = re.findall(r"<h2>(Your innovations [^<]*)</h2>", text)
+    (title,) = re.findall(r"<h2 data-heading>(Your innovations [^<]*)</h2>", text)
     settings = json.loads((index.parent / "summary.json").read_text(encoding="utf-8"))["settings"]
     assert any(one["sigma"]["text"] in title for one in settings)
 
@@ -141,7 +141,7 @@ def test_the_libraries_stand_in_the_page_once_and_specifications_are_json(page: 
     names = [attributes.get("id") or "" for attributes in page.named("script")]
     for text, kind, name in zip(page.scripts, kinds, names, strict=True):
         if kind == "application/json":
-            known = {"explored": "choices", "looked": "groups", "filmed": "frames"}
+            known = {"explored": "choices", "looked": "groups", "filmed": "frames", "glossary": "core"}
             assert known.get(name, "concat") in json.loads(text)
 
 

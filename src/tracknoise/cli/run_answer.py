@@ -22,7 +22,7 @@ _CLAIMS = ("growth", "bias", "tails")
 """Measures of a card that answer yes or no, the most important first."""
 
 
-def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[str]:
+def answer_lines(data: ReportData, most: int, *, is_ranked: bool = False) -> list[str]:
     """The answer in lines; the verdict on the truth is the first where the truth is not trusted or unknown.
 
     Parameters
@@ -31,14 +31,16 @@ def answer_lines(data: ReportData, most: int, *, to_set: bool = True) -> list[st
         The run.
     most
         How many lines there may be; fewer trackers are shown than there are where they would not fit.
-    to_set
-        Whether they say what to set.
+    is_ranked
+        Whether a leaderboard said what to set, and which tracker is better.
     """
     trust = _flat(map(wrapped, _trust(data)))
     if data.truth.are_tracks_wrong:
         return trust
+    if is_ranked:
+        return trust
     better = wrapped(_better(data))
-    told = [wrapped(text) for text in sentences_to_set(data)] if to_set else []
+    told = [wrapped(text) for text in sentences_to_set(data)]
     common = wrapped(_common(data)) if told else []
     room = most - len(trust) - len(common)
     if _fitting(told, room - len(better)) < _fitting(told, room):  # all that can be set goes before what is better

@@ -10,8 +10,8 @@ from tracknoise.cli.run_answer import answer_lines, sentences_to_set
 from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
 from tracknoise.report.answer import accuracy
+from tracknoise.report.leaderboard import leaderboard
 from tracknoise.report.measured import mixed_kernels
-from tracknoise.report.ranking_table import ranking_table
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
@@ -116,10 +116,11 @@ def print_results(
         hint = f"The numbers of every tracker and speed: tracknoise report {run.path} --all"
         others = [*failed, *limits, *(["report"] if report else []), hint]
         data = ReportData.of(run)
-        ranks = ranking_table(data) if ranked else None
-        if ranks is not None:
-            show(terminal.result, ranks)
-        terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), to_set=ranks is None)))
+        board = leaderboard(data) if ranked else None
+        if board is not None:
+            terminal.result("\n".join(wrapped(board.leader)))
+            show(terminal.result, board.cells())
+        terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), is_ranked=board is not None)))
         if not data.truth.are_tracks_wrong:
             terminal.say(hint)
     for line in failed:

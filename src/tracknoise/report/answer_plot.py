@@ -1,36 +1,22 @@
-"""The picture of the first screen, and ``share.png``: what innovations say, what to set, and the worst track.
+"""The curves of the first screen: what to set, and what innovations look like, by the frames in a window."""
 
-Sigma is that of the noise model, by the number of frames in a window of the estimator: what to set, and what
-innovations look like. Below are frames of the track with the largest error: a cross marks
-the observed position, a circle the true one.
-"""
-
-import base64
-import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
-from PIL import Image
 
 from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.exports import estimator, windows_text
 from tracknoise.estimators.model import Landmark
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
-from tracknoise.report import figure_files, style
-from tracknoise.text import counted, printable
-from tracknoise.topics.answer_summary import NoiseToSet, Summary
+from tracknoise.text import printable
+from tracknoise.topics.answer_summary import NoiseToSet
 from tracknoise.words import px, sentence_case
 
-FILE = "share.png"
-WIDTH, HEIGHT = 1200, 630
-"""Size of the file, px, as pages that show links expect it."""
 MOST_TRACKERS = 3
-_MOST_TILES, _TILE = 8, 64
 _PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 118, 22, 38
 _LABEL_GAP = 14.0
@@ -39,7 +25,6 @@ _LONGEST_NAME = 14
 _ALIKE = 1.1
 """Sigma and innovations that differ by less than this factor are alike."""
 _PAGE = {"ink": "var(--ink)", "quiet": "var(--quiet)", "line": "var(--grid)"}
-_PAPER = {"ink": style.INK, "quiet": style.QUIET, "line": style.FAINT}
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,24 +51,9 @@ class Curve:
     to_set: tuple[float, ...]
     innovations: tuple[float, ...]
 
-
-@dataclass(frozen=True, slots=True)
-class Strip:
-    """Frames of one track.
-
-    Attributes
-    ----------
-    png
-        Tiles side by side, grey.
-    marks
-        For each tile the observed and the true position in it, as shares of its side; the true one is None if unknown.
-    caption
-        What is seen.
-    """
-
-    png: bytes
-    marks: tuple[tuple[tuple[float, float], tuple[float, float] | None], ...]
-    caption: str
+    def at(self, window: int) -> float | None:
+        """What to set in windows of a length, px; None where it is not known."""
+        return self.sigma if window == self.window else dict(zip(self.windows, self.to_set, strict=True)).get(window)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,14 +68,14 @@ class AnswerPlot:
         In what innovations and sigma are compared: ``windows of 11 frames``.
     curves
         Of some trackers, that of the title first.
-    strip
-        Of its worst track; None where the run keeps no patches.
+    why
+        Why innovations differ from sigma, in a sentence; empty where they do not, or the truth is not trusted.
     """
 
     title: str
     windows: str
     curves: tuple[Curve, ...]
-    strip: Strip | None
+    why: str = ""
 
     @property
     def label(self) -> str:
@@ -116,8 +86,18 @@ class AnswerPlot:
         )
 
     def plot(self) -> Markup:
-        """The curves, as a part of a page."""
-        return _plot(self, _PAGE)
+        """The curves, as a part of a page. Of the dots, those of the windows of the title are seen."""
+        return self.drawn(_PAGE)
+
+    def drawn(self, colours: Mapping[str, str]) -> Markup:
+        """The same in colours of their own."""
+        return _plot(self, colours)
+
+    def titled(self, setting: NoiseToSet, name: str) -> "AnswerPlot":
+        """The same with a title about other windows of the estimator of this name."""
+        landmark = estimator(name).landmark
+        windows = windows_text(landmark, setting.window, setting.features)
+        return replace(self, title=_title(setting), why=_why(setting, landmark), windows=windows)
 
     @property
     def heading(self) -> str:
@@ -138,13 +118,9 @@ class AnswerPlot:
             return f"{self.subject}."
         return f"{sentence_case(self.windows)}. Solid: set; dashed: innovations."
 
-    def frames(self) -> Markup:
-        """The strip, as a part of a page; empty where there is none."""
-        return Markup("") if self.strip is None else _tiles(self.strip)
-
 
 def answer_plot(
-    models: Mapping[str, NoiseModel], name: str, settings: Sequence[NoiseToSet], seen: Mapping[str, Any]
+    models: Mapping[str, NoiseModel], name: str, settings: Sequence[NoiseToSet], leader: str | None = None
 ) -> AnswerPlot | None:
     """The picture of a run; None where nothing is known that could be set.
 
@@ -156,23 +132,21 @@ def answer_plot(
         Of the estimator of the experiment.
     settings
         What to set in it.
-    seen
-        Tracks with patches, as `tracknoise.report.looks.looks` returns them.
+    leader
+        Tracker that the title is about; by default the one that innovations mislead most.
     """
-    curves = {
-        setting.tracker: _curve(setting, models[setting.tracker], name)
-        for setting in settings
-        if setting.tracker in models
-    }
-    with_windows = [setting for setting in settings if setting.tracker in curves and curves[setting.tracker].windows]
+    shown = [setting for setting in settings if setting.tracker in models]
+    if len(shown) > MOST_TRACKERS:
+        shown = sorted(shown, key=lambda one: (one.tracker != leader, one.sigma.value or 0.0))[:MOST_TRACKERS]
+    curves = {setting.tracker: _curve(setting, models[setting.tracker], name) for setting in shown}
+    with_windows = [setting for setting in shown if curves[setting.tracker].windows]
     able = [setting for setting in with_windows if setting.sigma.value and setting.innovations.value]
     if not able:
         return None
-    first = max(able, key=lambda setting: (setting.sigma.value or 0.0) / (setting.innovations.value or 1.0))
-    chosen = [first, *(setting for setting in able if setting is not first)][:MOST_TRACKERS]
-    windows = windows_text(estimator(name).landmark, first.window, first.features)
-    shown = tuple(_alike_long([curves[setting.tracker] for setting in chosen]))
-    return AnswerPlot(_title(first), windows, shown, _strip(seen, first.tracker, "Its worst" if shown[1:] else "Worst"))
+    ratios = [((one.sigma.value or 0.0) / (one.innovations.value or 1.0), one.tracker == leader) for one in able]
+    first = able[max(range(len(able)), key=lambda place: ratios[place][::-1])]
+    chosen = [first, *(setting for setting in able if setting is not first)]
+    return AnswerPlot("", "", tuple(_alike_long([curves[one.tracker] for one in chosen]))).titled(first, name)
 
 
 def _title(setting: NoiseToSet) -> str:
@@ -182,6 +156,16 @@ def _title(setting: NoiseToSet) -> str:
     if _alike(sigma, innovations):
         return f"Your innovations are right: set {px(sigma)}."
     return f"Your innovations say {px(innovations)}. Set {px(sigma)}."
+
+
+def _why(setting: NoiseToSet, landmark: Landmark) -> str:
+    """Why innovations are smaller than what to set."""
+    sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
+    if setting.is_bound or sigma < _ALIKE * innovations:
+        return ""
+    if landmark in (Landmark.EXACT, Landmark.KNOWN):
+        return "Its points are not fitted to the track: the whole error since the first position counts."
+    return "Errors that add up along a track look like another depth: the fit takes them, and innovations stay small."
 
 
 def _alike(first: float, second: float) -> bool:
@@ -222,37 +206,6 @@ def _sizes(model: NoiseModel, name: str, window: int, setting: NoiseToSet) -> tu
         return None
 
 
-def _strip(seen: Mapping[str, Any], tracker: str, worst: str) -> Strip | None:
-    """Tiles of the track with the largest error of all that have pictures; `worst` opens the caption."""
-    groups = [group for group in seen["groups"] if group["tracker"] == tracker and len(group["strip_at"]) > 1]
-    if not groups:
-        return None
-    group = max(groups, key=lambda candidate: float(np.hypot(*candidate["tracks"][0]["error"])))
-    track, frames, side = group["tracks"][0], group["strip_at"], seen["patch_px"]
-    n = len(frames)
-    with Image.open(io.BytesIO(base64.b64decode(group["strip"]))) as image:
-        tiles = np.asarray(image.convert("L")).reshape(side, n, side)
-    chosen = sorted({round(place) for place in np.linspace(0, n - 1, min(n, _MOST_TILES))})
-    path = dict(
-        zip(track["path"]["frame"], zip(track["path"]["du_px"], track["path"]["dv_px"], strict=True), strict=True)
-    )
-    marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
-    size = float(np.hypot(*track["error"]))
-    frames_on = track["frame"] - track["anchor_frame"]
-    caption = f"{worst} track: {px(size)} off after {counted(frames_on, 'frame')}. Cross: track. Circle, line: truth."
-    buffer = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(tiles[:, chosen].reshape(side, -1))).save(buffer, "png")
-    return Strip(buffer.getvalue(), marks, caption)
-
-
-def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, float], tuple[float, float] | None]:
-    """The observed position is that of the middle pixel, to half a pixel."""
-    middle = 0.5
-    if error is None:
-        return (middle, middle), None
-    return (middle, middle), (middle - error[0] / side, middle - error[1] / side)
-
-
 def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     values = [value for curve in shown.curves for value in (*curve.to_set, *curve.innovations, curve.sigma)]
     windows = sorted({window for curve in shown.curves for window in (*curve.windows, curve.window)})
@@ -269,7 +222,7 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
     ends = [(y(value), name, curve.colour) for curve in shown.curves for name, value in _ends(curve, shown.curves)]
-    dots = [_dot(x(curve.window), y(curve.sigma), curve.colour) for curve in shown.curves]
+    dots = [_dots(window, shown, x, y) for window in windows]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">window, frames</text>').format(
         x=_LEFT + width / 2, y=_PLOT_HEIGHT - 4, **colours
@@ -333,15 +286,22 @@ def _ends(curve: Curve, curves: Sequence[Curve]) -> Iterator[tuple[str, float]]:
     """What the ends of its lines are called: of several trackers their names, of one what the lines are."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
     if len(curves) > 1:
-        yield _short(printable(curve.tracker), _LONGEST_NAME), to_set
+        yield shortened(printable(curve.tracker), _LONGEST_NAME), to_set
     elif _alike(to_set, innovations):
         yield "both alike", to_set
     else:
         yield from (("set", to_set), ("innovations", innovations))
 
 
-def _dot(x: float, y: float, colour: str) -> Markup:
-    return Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{colour}"/>').format(x=x, y=y, colour=colour)
+def _dots(window: int, shown: AnswerPlot, x: Any, y: Any) -> Markup:
+    """A dot on each curve that has such windows; seen in the windows of the estimator."""
+    dot = Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="4.5" fill="{colour}"/>')
+    values = [(curve, curve.at(window)) for curve in shown.curves]
+    dots = [dot.format(x=x(window), y=y(value), colour=curve.colour) for curve, value in values if value is not None]
+    hidden = "" if window == shown.curves[0].window else Markup(' display="none"')
+    return Markup('<g class="dots" data-window="{window}"{hidden}>{dots}</g>').format(
+        window=window, hidden=hidden, dots=Markup("").join(dots)
+    )
 
 
 def _spread(ends: Sequence[tuple[float, str, str]]) -> list[tuple[float, str, str]]:
@@ -362,85 +322,6 @@ def _label(y: float, text: str, colour: str, colours: Mapping[str, str]) -> Mark
     ).format(cx=x, cy=y, colour=colour, x=x + 8, y=y + 4, text=text, **colours)
 
 
-def _tiles(strip: Strip) -> Markup:
-    n = len(strip.marks)
-    width = n * _TILE
-    marks = Markup("").join(_mark(place * _TILE, *pair) for place, pair in enumerate(strip.marks))
-    return Markup(
-        '<svg class="tiles" role="img" aria-label="{caption}" viewBox="0 0 {width} {tile}" width="{width}">'
-        '<image href="data:image/png;base64,{png}" width="{width}" height="{tile}" image-rendering="pixelated" '
-        'preserveAspectRatio="none"/>{marks}</svg>'
-    ).format(caption=strip.caption, width=width, tile=_TILE, png=base64.b64encode(strip.png).decode(), marks=marks)
-
-
-def _mark(left: float, observed: tuple[float, float], true: tuple[float, float] | None) -> Markup:
-    """A cross and a circle, white on dark so that they are seen on any image."""
-    x, y = left + observed[0] * _TILE, observed[1] * _TILE
-    shapes = Markup('<path d="M{a:.1f},{y:.1f}h12M{x:.1f},{b:.1f}v12"/>').format(a=x - 6, x=x, y=y, b=y - 6)
-    if true is not None:
-        shapes += _true_mark(left, x, y, left + true[0] * _TILE, true[1] * _TILE)
-    border = Markup('<path d="M{x},0v{tile}" stroke="#000000" stroke-width="1"/>').format(x=left, tile=_TILE)
-    style_of = '<g fill="none" stroke="{stroke}" stroke-width="{width}">{shapes}</g>'
-    return border + Markup("").join(
-        Markup(style_of).format(stroke=stroke, width=width, shapes=shapes)
-        for stroke, width in (("#000000", 3.2), ("#ffffff", 1.4))
-    )
-
-
-def _true_mark(left: float, x: float, y: float, true_x: float, true_y: float) -> Markup:
-    """A circle at the true place; where it is outside the tile, a line from the observed place to the border."""
-    if left <= true_x <= left + _TILE and 0.0 <= true_y <= _TILE:
-        return Markup('<circle cx="{x:.1f}" cy="{y:.1f}" r="6"/>').format(x=true_x, y=true_y)
-    du, dv = true_x - x, true_y - y
-    reach = _TILE / 2 / max(abs(du), abs(dv))
-    return Markup('<path d="M{x:.1f},{y:.1f}l{du:.1f},{dv:.1f}"/>').format(x=x, y=y, du=reach * du, dv=reach * dv)
-
-
-def png(shown: AnswerPlot, summary: Summary) -> bytes:
-    """The picture as a file of `WIDTH` times `HEIGHT` px: to share, and for readmes."""
-    plot = _nested(_plot(shown, _PAPER), x=24, y=150, scale=1.4)
-    tiles = Markup("") if shown.strip is None else _nested(_tiles(shown.strip), x=48, y=494, scale=1.1)
-    legend = [
-        Markup(
-            '<circle cx="868" cy="{y}" r="7" fill="{colour}"/><text x="886" y="{base}" font-size="24">{name}</text>'
-        ).format(
-            y=192 + 40 * place, base=200 + 40 * place, colour=curve.colour, name=_short(printable(curve.tracker), 26)
-        )
-        for place, curve in enumerate(shown.curves)
-    ]
-    texts = [
-        (48, 84, 48, 700, shown.title),
-        (48, 126, 24, 400, shown.subject),
-        (860, 380, 20, 400, "solid: sigma to set"),
-        (860, 410, 20, 400, "dashed: what innovations say"),
-        *([] if shown.strip is None else [(48, 594, 18, 400, shown.strip.caption)]),
-        (860, 594, 18, 400, f"tracknoise: {summary.experiment}"),
-    ]
-    labels = [
-        Markup('<text x="{x}" y="{y}" font-size="{size}" font-weight="{weight}">{text}</text>').format(
-            x=x, y=y, size=size, weight=weight, text=_short(printable(text), int(1.95 * (WIDTH - x - 20) / size))
-        )
-        for x, y, size, weight, text in texts
-    ]
-    svg = Markup(
-        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" height="{height}" '
-        'font-family="{font}" fill="{ink}"><rect width="{width}" height="{height}" fill="#ffffff"/>{parts}</svg>'
-    ).format(
-        width=WIDTH,
-        height=HEIGHT,
-        font=style.FONT,
-        ink=style.INK,
-        parts=Markup("").join([*labels, *legend, plot, tiles]),
-    )
-    return figure_files.png_of(str(svg), scale=1.0)
-
-
-def _nested(svg: Markup, *, x: float, y: float, scale: float) -> Markup:
-    """A drawing within another one, at a place."""
-    return Markup('<g transform="translate({x} {y}) scale({scale})">{parts}</g>').format(
-        x=x, y=y, scale=scale, parts=Markup(svg.split(">", 1)[1].removesuffix("</svg>"))
-    )
-
-
-def _short(text: str, most: int) -> str:
+def shortened(text: str, most: int) -> str:
+    """A text of at most so many characters; an ellipsis stands for what is cut off."""
     return text if len(text) <= most else f"{text[: most - 1]}\N{HORIZONTAL ELLIPSIS}"

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
-from tracknoise.estimators.advice import innovations_of
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import FAMILIES, Target, estimators, refused
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
-from tracknoise.report.answer import limit_text, number_of
+from tracknoise.report.settings_picker import Picker
 from tracknoise.text import browser_json
 
 _OPTIONS = {
@@ -47,7 +46,8 @@ class Exports:
     first
         The estimator that is shown at first.
     packed
-        Base64 of the zlib-compressed JSON of `exported`.
+        Base64 of the zlib-compressed JSON of `files`, by tracker what `exported` returns; `paths` of models, and the
+        choices of the picker.
     """
 
     trackers: tuple[str, ...]
@@ -57,19 +57,11 @@ class Exports:
     first: str
 
 
-def exports(
-    models: Mapping[str, NoiseModel],
-    *,
-    missing: Mapping[str, str],
-    paths: Mapping[str, str],
-    first: str,
-    target: Target = _AS_SHIPPED,
-) -> Exports:
-    """Exports of all models of a run, for every estimator.
-
-    `first`: the one that is shown at first; `target`: its window and features of a frame.
-    """
-    content = {tracker: exported(model, paths[tracker], {first: target}) for tracker, model in models.items()}
+def exports(picker: Picker, *, missing: Mapping[str, str], paths: Mapping[str, str]) -> Exports:
+    """Exports of all models of a run, for every estimator, and what can be picked on the first screen."""
+    first, target, models = picker.first, picker.target, picker.models
+    files = {tracker: exported(model, paths[tracker], {first: target}) for tracker, model in models.items()}
+    content = {"files": files, "paths": dict(paths), **picker.choices()}
     return Exports(
         trackers=tuple(models), missing=missing, choices=tuple(_choices()), packed=_packed(content), first=first
     )
@@ -86,29 +78,15 @@ def exported(
 ) -> dict[str, dict[str, Any]]:
     """What is written for each estimator; `targets`: windows and features of those that are not as shipped.
 
-    Returns by estimator: where it takes one sigma, `set`, which has texts: sigma, its interval, what belongs to it, and
-    what innovations look like; `files`, pairs of names and contents, the patch last; `text`, what they are; or, where
-    nothing can be written, `why` and, if options of the command line can state what is missing, `command`.
+    Returns by estimator: `files`, pairs of names and contents, the patch last; `text`, what they are; or, where nothing
+    can be written, `why` and, if options of the command line can state what is missing, `command`.
     """
     written = {
-        name: _to_set(model, name, target) | _export(model, name, path, target)
+        name: _export(model, name, path, target)
         for name in estimators()
         for target in (targets.get(name, _AS_SHIPPED),)
     }
     return written | {name: {"why": about.why} for name, about in refused().items()}
-
-
-def _to_set(model: NoiseModel, name: str, target: Target) -> dict[str, Any]:
-    try:
-        advice = estimators()[name].advise(model, window=target.window, features=target.features)
-    except SettingsError:
-        return {}
-    innovations = innovations_of(model, advice)
-    factors = {f"{gate}_gate": factor for gate, factor in advice.gates.items()}
-    factors |= {} if advice.knee is None else {"knee": advice.knee}
-    sigma = number_of(advice.sigma.value, advice.sigma.low, advice.sigma.high)
-    limit = limit_text(None if advice.kernel is None else advice.kernel.value, factors)
-    return {"set": [sigma.text, sigma.interval, limit, number_of(innovations.value, None, None).text]}
 
 
 def _export(model: NoiseModel, name: str, path: str, target: Target) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from tracknoise.report import (
     findings_section,
     looks,
     measured,
+    share_picture,
     small_plots,
     table_files,
     truth_section,
@@ -29,12 +30,18 @@ from tracknoise.report.cells import Cells
 from tracknoise.report.contents import CONTENTS, TRUTH_TITLE, Layout, Section, accuracy_title, contents_json, layout
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
+from tracknoise.report.glossary import TERMS
+from tracknoise.report.leaderboard import Leaderboard, leaderboard
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.settings_picker import Picker
+from tracknoise.report.style import PALETTE
 from tracknoise.report.templates import template
+from tracknoise.report.worst_track import Strip, worst_track
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import browser_json
 from tracknoise.topics import trimming_topic
 from tracknoise.topics.answer_summary import SUMMARY, NoiseToSet, Summary, summary_json
+from tracknoise.words import intervals_at
 
 
 def write_report(run: RunFolder, *, figure_formats: Sequence[str] = ()) -> Path:
@@ -87,13 +94,17 @@ def _files(data: ReportData, formats: tuple[str, ...], scripts: Future[str]) -> 
     answered, fits, seen = summarise(data), run_models(data.run), looks.looks(data)
     parts = [*_before(), *sections, *_after(data)]
     arranged = layout(parts, filmed=frames is not None, compared=len(answered.cards) > 1)
-    shown = answer_plot.answer_plot(fits.models, data.estimator, _shown_settings(answered), seen)
+    board = leaderboard(data)
+    leader = None if board is None else board.first_with(answered.settings)
+    shown = answer_plot.answer_plot(fits.models, data.estimator, answered.settings, leader)
+    strip = None if shown is None else worst_track(seen, shown.curves[0].tracker)
     files = _figure_files(specs, formats) | _table_files(data)
-    files |= {} if shown is None else {answer_plot.FILE: answer_plot.png(shown, answered)}
+    shared = share_picture.png(answered, shown, strip, board)
+    files |= {} if shared is None else {share_picture.FILE: shared}
     files[CONTENTS] = contents_json(data.name, arranged.every, formats).encode()
     files[SUMMARY] = summary_json(answered).encode()
     family_of = {item.id: section.id for section in sections for item in section.items}
-    page = _page(data, answered, fits, arranged, family_of, below, specs, seen, shown, frames, scripts)
+    page = _page(data, answered, fits, arranged, family_of, below, specs, seen, shown, strip, board, frames, scripts)
     files["index.html"] = page.encode()
     return files
 
@@ -141,6 +152,8 @@ def _page(
     specs: Mapping[str, Any],
     seen: Mapping[str, Any],
     shown: answer_plot.AnswerPlot | None,
+    strip: Strip | None,
+    board: Leaderboard | None,
     frames: Mapping[str, Any] | None,
     scripts: Future[str],
 ) -> str:
@@ -152,6 +165,11 @@ def _page(
         scales=small_plots.scales(answered.cards),
         interval_plot=small_plots,
         picture=shown,
+        strip=strip,
+        board=board,
+        palette=len(PALETTE),
+        intervals=_intervals(data),
+        glossary=dict(TERMS),
         frame=annotated_frame(data) if shown is None else None,
         layout=arranged,
         accuracy_title=accuracy_title(compared=len(answered.cards) > 1),
@@ -169,14 +187,18 @@ def _page(
         truth_section=truth_section,
         exports=table_files.EXPORTS,
         noise_exports=estimator_exports.exports(
-            fits.models,
             missing=fits.missing,
             paths=fits.paths,
-            first=data.estimator,
-            target=asked(data.settings, data.estimator),
+            picker=Picker(
+                models=fits.models,
+                colours=data.colour,
+                are_bounds=not data.truth.is_usable,
+                first=data.estimator,
+                target=asked(data.settings, data.estimator),
+                board=board,
+            ),
         ),
         specs={name: _embedded(figure_files.themed(spec)) for name, spec in specs.items()},
-        most_settings=answer_plot.MOST_TRACKERS,
         shown_settings=_shown_settings(answered),
         explored=_embedded(explorer.explored(data)),
         has_looks=bool(seen["groups"]),
@@ -185,6 +207,12 @@ def _page(
         filmed_json=_embedded(frames or {}),
         vega=scripts.result(),
     )
+
+
+def _intervals(data: ReportData) -> str:
+    """What intervals of sigma are; empty where there are none."""
+    levels = data["advice"]["level"].drop_nulls()
+    return "" if levels.is_empty() else f"Ranges are {intervals_at(levels[0])}."
 
 
 def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:

@@ -17,6 +17,8 @@ _RAW = {
     "bars": "bars.js",
     "explorer": "explorer.js",
     "film": "film.js",
+    "board_script": "board.js",
+    "terms": "terms.js",
     "estimator": "estimator.js",
     "estimator_css": "estimator.css",
 }

@@ -12,11 +12,10 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.report.answer import noise_to_set
-from tracknoise.report.cells import Cells
 from tracknoise.report.figures import marks
-from tracknoise.report.figures.figure import Absence, Figure, Sections, SectionTables
+from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, layered
-from tracknoise.report.ranking_table import TITLES, how_to_read, order_of, ranking_table, roles_of
+from tracknoise.report.leaderboard import TITLES, how_to_read, order_of, roles_of
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import read_costs
 from tracknoise.topics.answer_summary import NoiseToSet
@@ -38,7 +37,7 @@ def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
     ranks = ranks_by_role(data)
     if ranks.is_empty():
         return []
-    order, roles = order_of(ranks), roles_of(ranks)
+    order, roles = order_of(ranks, {one.tracker: one for one in noise_to_set(data)}), roles_of(ranks)
     panels = [Panel(_span_chart(ranks.filter(role=role), order, data.colour, first=role == roles[0])) for role in roles]
     best = {role: ranks.filter(role=role, best=1)["tracker"].to_list() for role in roles}
     told = [f"By {TITLES[role]}: {listing(names)}." for role, names in best.items() if len(names) < len(order)]
@@ -153,12 +152,5 @@ def _apart(right: NDArray[np.float64], up: NDArray[np.float64], names: Sequence[
     return moved
 
 
-def _tables(data: ReportData) -> Sequence[Cells]:
-    ranking = ranking_table(data)
-    return [] if ranking is None else [ranking]
-
-
 FIGURES: Sections = {"error-by-tracker": (ranking_figures, cost_figures)}
 """What this module draws, by the section of the report."""
-TABLES: SectionTables = {"error-by-tracker": _tables}
-"""What stands below."""

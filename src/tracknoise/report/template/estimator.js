@@ -89,7 +89,7 @@ async function showExport(form) {
     place.replaceChildren(written("p", `The exports could not be read: ${error.message}. Use tracknoise export.`, "absent"));
     return;
   }
-  const found = unpacked[form.tracker.value][form.estimator.value];
+  const found = unpacked.files[form.tracker.value][form.estimator.value];
   const parts = found.files
     ? [...found.files.map(([name, text]) => exportedFile(name, text)), exportedText(found.text)]
     : [marked("p", found.why, "absent"), ...(found.command ? [exportedFile("command", found.command)] : [])];
@@ -97,48 +97,136 @@ async function showExport(form) {
   place.dataset.shown = `${form.tracker.value} ${form.estimator.value}`;
 }
 
-/** Rows of the first screen as the page was written: they are those of the estimator of the experiment. */
-const firstRows = new Map([...document.querySelectorAll("[data-set]")].map((row) => [row.dataset.set, row.innerHTML]));
-
-/** Show what to set in an estimator on the first screen. */
-async function showSettings(name, ofExperiment) {
-  try {
-    unpacked ??= await unpack();
-  } catch {
-    document.querySelectorAll("[data-copy]").forEach((one) => { one.disabled = true; });
-    chooser.estimator.value = ofExperiment;
-    chooser.estimator.disabled = true;
-    return;
+/** What a change of the estimator, its windows or its features changes on the first screen. */
+class Chooser {
+  constructor(form) {
+    this.form = form;
+    this.rows = [...document.querySelectorAll("[data-set]")];
+    this.first = form.estimator.value;
+    form.addEventListener("submit", (event) => event.preventDefault());
+    form.addEventListener("change", (event) => this.pick(event.target.name));
+    document.querySelector("#answer").addEventListener("click", (event) => {
+      if (event.target.dataset?.copy) {
+        this.copyFile(event.target);
+      }
+    });
+    this.start();
   }
-  for (const row of document.querySelectorAll("[data-set]")) {
-    const found = unpacked[row.dataset.set]?.[name];
-    row.innerHTML = firstRows.get(row.dataset.set);
-    const [, sigma, limit, innovations] = row.cells;
-    if (name !== ofExperiment) {
-      const [value, interval, more, expected] = found?.set ?? ["", "", found?.why ? "no export" : "no single sigma", ""];
-      const most = row.querySelector(".most");
-      sigma.replaceChildren(written("b", value), " ", most && found?.set ? most : written("span", most ? "" : interval, "ends"));
-      limit.textContent = more;
-      innovations.textContent = expected;
+
+  async start() {
+    try {
+      unpacked ??= await unpack();
+    } catch {
+      document.querySelectorAll("[data-copy]").forEach((one) => { one.disabled = true; });
+      this.form.estimator.disabled = true;
+      return;
     }
-    const copies = row.querySelector("[data-copy]");
-    if (copies) {
-      copies.disabled = !found?.files;
-      copies.title = found?.files ? found.files[0][0] : (found?.why ?? "");
-      copies.setAttribute("aria-label", `Copy ${found?.files?.[0][0] ?? name} for ${row.dataset.set}`);
+    this.offer();
+    this.showCopies();
+  }
+
+  /** What can be set in the chosen estimator: an entry for each number of features. */
+  get settings() {
+    return unpacked.settings[unpacked.kinds[this.form.estimator.value]] ?? [];
+  }
+
+  get chosen() {
+    return this.settings[Number(this.form.features.value)];
+  }
+
+  /** Offer the windows and features of the chosen estimator. */
+  offer() {
+    const { window, features } = this.form;
+    const list = this.settings;
+    features.replaceChildren(...list.map((one, place) => new Option(one.features ?? "independent", place)));
+    features.parentElement.hidden = list.length < 2;
+    const lengths = Object.keys(list[0]?.windows ?? {});
+    window.replaceChildren(...lengths.map((length) => new Option(length, length)));
+    window.parentElement.hidden = lengths.length < 2;
+    if (list.length) {
+      window.value = list[0].window;
     }
   }
-}
 
-/** Copy the file of a tracker for the chosen estimator, and say so on the button. */
-async function copyFile(button, name) {
-  const [file, text] = unpacked[button.dataset.copy][name].files[0];
-  try {
-    await copy(text);
-    button.textContent = "Copied";
-    button.title = file;
-  } catch (error) {
-    button.textContent = `Not copied: ${error.message}`;
+  pick(name) {
+    if (!unpacked) {
+      return;
+    }
+    if (name === "estimator") {
+      this.offer();
+      exportForm.estimator.value = this.form.estimator.value;
+      showExport(exportForm);
+    }
+    this.show();
+  }
+
+  /** Show sigmas, the heading and the curves. */
+  show() {
+    const { chosen, form } = this;
+    const shown = chosen?.windows[form.window.value];
+    const why = unpacked.files[this.rows[0]?.dataset.set]?.[form.estimator.value]?.why ? "no export" : "no single sigma";
+    for (const row of this.rows) {
+      const [sigma, interval, limit, innovations] = shown?.rows[row.dataset.set] ?? ["", "", why, ""];
+      const cell = row.querySelector(".sigma");
+      const most = cell.querySelector(".most");
+      const inBoard = Boolean(row.closest(".board"));
+      cell.replaceChildren(written("b", sigma || (inBoard ? why : "")), " ", ...(most ? [most] : inBoard ? [] : [written("span", interval, "ends")]));
+      if (inBoard) {
+        cell.title = interval;
+        cell.dataset.key = Number.parseFloat(sigma);
+      }
+      row.querySelector(".limit")?.replaceChildren(limit);
+      row.querySelector(".innovations")?.replaceChildren(innovations);
+    }
+    const parts = { heading: shown?.heading, why: shown?.why, key: shown?.key, leader: shown?.leader };
+    for (const [name, text] of Object.entries(parts)) {
+      const place = document.querySelector(`#answer [data-${name}]`);
+      if (place) {
+        place.textContent = text ?? "";
+        place.hidden = !text;
+      }
+    }
+    const plotted = document.querySelector("#answer .plotted");
+    if (plotted) {
+      plotted.innerHTML = chosen?.plot ?? "";
+      plotted.querySelectorAll(".dots").forEach((dots) => {
+        dots.setAttribute("display", dots.dataset.window === form.window.value ? "inline" : "none");
+      });
+    }
+    this.showCopies();
+    document.dispatchEvent(new Event("rewritten"));
+  }
+
+  /** Whether the file is for the windows that are chosen: otherwise a command writes it. */
+  get isShipped() {
+    const [first] = this.settings;
+    return !first || (this.chosen === first && this.form.window.value === String(first.window));
+  }
+
+  showCopies() {
+    const name = this.form.estimator.value;
+    for (const button of document.querySelectorAll("[data-copy]")) {
+      const found = unpacked.files[button.dataset.copy][name];
+      const file = found?.files?.[0][0];
+      button.disabled = !file || (!this.isShipped && this.chosen !== this.settings[0]);
+      button.textContent = this.isShipped ? "Copy" : "Copy command";
+      button.title = button.disabled && file ? "State features in [estimator] of the experiment file." : file ?? found?.why ?? "";
+      button.setAttribute("aria-label", `${button.textContent} ${file ?? name} for ${button.dataset.copy}`);
+    }
+  }
+
+  /** Copy the file of a tracker for the chosen estimator, or the command that writes it; say so on the button. */
+  async copyFile(button) {
+    const name = this.form.estimator.value;
+    const [file, text] = unpacked.files[button.dataset.copy][name].files[0];
+    const command = `tracknoise export ${unpacked.paths[button.dataset.copy]} --to ${name} --window ${this.form.window.value}`;
+    try {
+      await copy(this.isShipped ? text : command);
+      button.textContent = "Copied";
+      button.title = this.isShipped ? file : command;
+    } catch (error) {
+      button.textContent = `Not copied: ${error.message}`;
+    }
   }
 }
 
@@ -150,17 +238,5 @@ if (exportForm) {
   showExport(exportForm);
 }
 if (chooser) {
-  const first = chooser.estimator.value;
-  chooser.addEventListener("submit", (event) => event.preventDefault());
-  chooser.addEventListener("change", () => {
-    exportForm.estimator.value = chooser.estimator.value;
-    showExport(exportForm);
-    showSettings(chooser.estimator.value, first);
-  });
-  document.querySelector(".settings").addEventListener("click", (event) => {
-    if (event.target.dataset?.copy) {
-      copyFile(event.target, chooser.estimator.value);
-    }
-  });
-  showSettings(first, first);
+  window.chooser = new Chooser(chooser);
 }

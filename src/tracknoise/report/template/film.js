@@ -1,5 +1,7 @@
 const filmed = JSON.parse(document.getElementById("filmed").textContent);
 const TRAIL = 8;
+const WIDTH = 640;
+const MARK = 5;
 
 /** Show frames of a scene with tracks: a line behind each feature, a cross where it was observed, a circle where it was. */
 class Film {
@@ -9,11 +11,13 @@ class Film {
     const kind = filmed.frames[0].startsWith("/9j/") ? "jpeg" : "webp";
     this.images = filmed.frames.map((data) => Object.assign(new Image(), { src: `data:image/${kind};base64,${data}` }));
     this.timer = null;
-    this.form.frame.max = filmed.frames.length - 1;
     this.form.addEventListener("input", () => this.show());
     this.form.addEventListener("submit", (event) => event.preventDefault());
     this.form.play.addEventListener("click", () => this.play());
-    this.images[0].decode().then(() => this.show());
+    this.show();
+    if (!matchMedia("(prefers-reduced-motion: reduce)").matches) {
+      this.play();
+    }
   }
 
   /** Play the frames, or stop. */
@@ -25,7 +29,7 @@ class Film {
       this.timer = setInterval(() => {
         this.form.frame.value = (Number(this.form.frame.value) + 1) % filmed.frames.length;
         this.show();
-      }, 150);
+      }, 250);
     }
     this.form.play.textContent = this.timer ? "Stop" : "Play";
   }
@@ -37,7 +41,7 @@ class Film {
     if (frame !== Number(this.form.frame.value)) {
       return;
     }
-    const scale = Math.max(1, 960 / filmed.width);
+    const scale = Math.max(1, WIDTH / filmed.width);
     this.canvas.width = Math.round(filmed.width * scale);
     this.canvas.height = Math.round(filmed.height * scale);
     const context = this.canvas.getContext("2d");
@@ -47,7 +51,7 @@ class Film {
     const shown = tracks.filter((track) => Number.isFinite(track.u[frame - track.frame]));
     shown.forEach((track) => this.track(context, track, frame - track.frame, scale, colour));
     const known = shown.filter((track) => track.du[frame - track.frame] !== null).length;
-    this.form.querySelector("output").textContent = `frame ${frame}: ${shown.length} tracks are shown, ${known} with a true position`;
+    this.canvas.parentElement.querySelector("output").textContent = `Frame ${frame}: ${shown.length} tracks, ${known} with truth.`;
     this.canvas.dataset.shown = `${this.form.tracker.value} ${frame}`;
   }
 
@@ -69,10 +73,10 @@ class Film {
       context.lineWidth = width;
       context.strokeStyle = ink;
       context.beginPath();
-      context.moveTo(x - 4, y);
-      context.lineTo(x + 4, y);
-      context.moveTo(x, y - 4);
-      context.lineTo(x, y + 4);
+      context.moveTo(x - MARK, y);
+      context.lineTo(x + MARK, y);
+      context.moveTo(x, y - MARK);
+      context.lineTo(x, y + MARK);
       context.stroke();
     }
     if (track.du[at] !== null) {
@@ -83,7 +87,7 @@ class Film {
       context.lineTo(trueX, trueY);
       context.stroke();
       context.beginPath();
-      context.arc(trueX, trueY, 3.5, 0, 2 * Math.PI);
+      context.arc(trueX, trueY, MARK, 0, 2 * Math.PI);
       context.stroke();
     }
   }

@@ -1,4 +1,6 @@
-"""Ranks of trackers on the page and in the terminal."""
+"""The leaderboard: who leads, ranks, and costs."""
+
+from collections.abc import Callable
 
 import numpy as np
 import polars as pl
@@ -6,12 +8,15 @@ import pytest
 
 from tracknoise.analysis.factors import RANKS
 from tracknoise.exceptions import StoreError
+from tracknoise.report.answer import number_of
 from tracknoise.report.figures.rankings import _apart, ranking_figures
-from tracknoise.report.ranking_table import ranking_table
+from tracknoise.report.leaderboard import leaderboard
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.costs import COSTS_JSON, read_costs, write_costs
 from tracknoise.tables.store import RunFolder
+from tracknoise.topics.answer_summary import NoiseToSet
 from tracknoise.topics.factor_topic import accuracy
+from tracknoise.words import SPACE
 
 SPANS = {"best": (1, 1), "alike": (2, 3), "other": (2, 3)}
 
@@ -31,18 +36,51 @@ def ranked(run: RunFolder, spans: dict[str, tuple[int, int]] = SPANS) -> ReportD
     return data.with_tables(ranks=pl.DataFrame(rows, schema=dict(RANKS)))
 
 
-def test_the_table_has_the_best_first_with_ranges_of_ranks(run: RunFolder) -> None:
-    found = ranking_table(ranked(run))
+@pytest.fixture(scope="module")
+def three(make_run: Callable[..., RunFolder]) -> RunFolder:
+    return make_run(scenes=("one", "two"), trackers=("best", "alike", "other"), speeds=(1,), n_frames=6, born=4)
+
+
+def setting(tracker: str, sigma_px: float, *, is_bound: bool = False) -> NoiseToSet:
+    sigma, innovations = (number_of(value, None, None) for value in (sigma_px, 0.1))
+    return NoiseToSet(tracker, "#000000", 11, None, sigma, is_bound, "", innovations)
+
+
+def test_the_board_has_the_best_first_with_ranges_of_ranks(three: RunFolder) -> None:
+    found = leaderboard(ranked(three))
     assert found is not None
-    place = found.headings.index("typical error (core)")
-    assert [(row[0], row[place]) for row in found.rows] == [("best", "1"), ("alike", "2 to 3"), ("other", "2 to 3")]
-    assert {row[place + 1] for row in found.rows} == {"1 to 3"}
-    assert "Ranks from 8 scenes" in found.caption
+    place = found.columns.index("core")
+    assert [(row.tracker, row.entries[place].ranks) for row in found.rows] == [
+        ("best", "1"),
+        ("alike", "2 to 3"),
+        ("other", "2 to 3"),
+    ]
+    assert {row.entries[place + 1].ranks for row in found.rows} == {"1 to 3"}
+    assert found.rows[0].entries[place].why == "distinguished from every other tracker; shown to be better than 2"
+    assert found.rows[1].entries[place].why == "not distinguished from 1 of 2 others; shown to be worse than 1"
+    assert "8 scenes" in found.reading
+    assert [row[0] for row in found.cells().rows] == ["best", "alike", "other"]
+
+
+def test_of_those_that_share_the_first_rank_the_smallest_sigma_leads(three: RunFolder) -> None:
+    found = leaderboard(ranked(three, {"best": (1, 2), "alike": (1, 2), "other": (3, 3)}))
+    assert found is not None
+    told = found.leader_with([setting("best", 0.3), setting("alike", 0.2), setting("other", 0.1)]).replace(SPACE, " ")
+    assert told.startswith("alike: set 0.200 px. It has the smallest sigma of the 2 of 3 trackers that share the first")
+    bound = found.leader_with([setting("best", 0.2, is_bound=True), setting("alike", 0.3, is_bound=True)])
+    assert bound.replace(SPACE, " ").startswith("best: sigma is at most 0.200 px.")
+    assert found.leader_with([]) == "2 of 3 trackers share the first rank."
+
+
+def test_where_nobody_is_shown_to_be_better_this_is_said(three: RunFolder) -> None:
+    found = leaderboard(ranked(three, dict.fromkeys(SPANS, (1, 3))))
+    assert found is not None
+    assert "none is shown to have smaller errors" in found.leader_with([setting("other", 0.2)])
 
 
 def test_without_ranks_there_is_no_table_and_no_figure(run: RunFolder) -> None:
     data = ReportData.of(run)
-    assert ranking_table(data) is None
+    assert leaderboard(data) is None
     assert ranking_figures(data) == []
 
 

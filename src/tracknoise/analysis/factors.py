@@ -35,7 +35,7 @@ differ by one statistic, at most 1 - level are alike, on average.
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, TypeAlias
@@ -545,6 +545,43 @@ A tracker is between the ranks best and worst of n_trackers, by (ranks). n_scene
 it shares with another tracker. level is that of the comparisons. why names the trackers about which references of the
 two kinds disagree, if any.
 """
+
+
+def compared_pairs(
+    trackers: Sequence[str],
+    differences: Callable[[str, tuple[str, str]], Differences],
+    group: NDArray[np.intp],
+    *,
+    margin: float = MARGIN,
+    level: float = LEVEL,
+) -> pl.DataFrame:
+    """Every two trackers compared by each of `RANKED`, where their differences within scenes are known otherwise.
+
+    Parameters
+    ----------
+    trackers
+        Names.
+    differences
+        Makes the differences of two trackers by the role of a statistic.
+    group : (scenes,)
+        Number of the group of each scene.
+    margin, level
+        As of `dependence`.
+
+    Returns
+    -------
+    polars.DataFrame
+        Schema `DEPENDENCE`; statistics are named by their roles.
+    """
+    rows: list[Row] = []
+    for pair in combinations(trackers, 2):
+        cell = Cell("tracker", {"dataset": ""}, None, dict.fromkeys(pair, ()), dict(zip(RANKED, RANKED, strict=True)))
+        for role in RANKED:
+            values = differences(role, pair)
+            limit = _unit(role).margin(margin, values.scale_px)
+            question = ask(values.both, group, margin=limit, level=level)
+            rows.append({**_named_pair(cell), **_Asked(cell, role, values, group, limit, question).row()})
+    return judged(rows, level)
 
 
 def ranking(pairs: pl.DataFrame) -> pl.DataFrame:

@@ -1,15 +1,25 @@
 """A tournament: many trackers on the same scenes, and what a step of each costs."""
 
+import json
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
+from pathlib import Path
 
 import numpy as np
+import tomlkit
 from numpy.typing import NDArray
 
+from tracknoise.experiments.load import resolve
 from tracknoise.experiments.plan import make_trackers, open_batch, plan
-from tracknoise.experiments.settings import FROM_FILES, SECOND_CAMERA, Experiment
+from tracknoise.experiments.settings import (
+    FROM_FILES,
+    SECOND_CAMERA,
+    Experiment,
+    TrackerChoice,
+    parse_experiment,
+)
 from tracknoise.measurement.tracking import TrackerSetup, second_images, start_tracker
-from tracknoise.sequences.sequence import Sequence
+from tracknoise.sequences import sequence as sequences
 from tracknoise.trackers.tracker import Frame
 from tracknoise.trackers.tracker_registry import load_preset, preset_names
 
@@ -26,6 +36,28 @@ def entrants(experiment: Experiment) -> list[str]:
     kinds = [kind for kind in _KINDS if kind not in own]
     presets = (name for name in preset_names() if load_preset(name).tracker not in SECOND_CAMERA)
     return [*own, *kinds, *(name for name in presets if name not in own)]
+
+
+def of_round(experiment: str, name: str, trackers: Sequence[TrackerChoice], root: Path | None) -> Experiment:
+    """The experiment of a round of results with other trackers.
+
+    Parameters
+    ----------
+    experiment, name
+        Settings of the round without trackers, TOML, and its name.
+    trackers
+        Those that take part.
+    root
+        Folder of the data; None where they are simulated.
+
+    Raises
+    ------
+    SettingsError
+        If the settings are not those of an experiment, or a tracker or the reader cannot be made.
+    """
+    chosen = tomlkit.dumps({"trackers": [one.model_dump(mode="json", exclude_none=True) for one in trackers]})
+    text = f"name = {json.dumps(name)}\n{experiment}\n{chosen}"
+    return resolve(parse_experiment(text, place=f"round {name}").with_root(root))
 
 
 def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, float]:
@@ -58,7 +90,7 @@ def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, f
     return {item.tracker: _cost_ms(item, sequence, images, experiment.seed) for item in setups}
 
 
-def _cost_ms(setup: TrackerSetup, sequence: Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
+def _cost_ms(setup: TrackerSetup, sequence: sequences.Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
     read_second = second_images(sequence)
     frames = [Frame(index, image, read_second(index)) for index, image in enumerate(images)]
     started = time.process_time()

@@ -23,7 +23,7 @@ TITLES: Mapping[str, str] = dict(
     zip(RANKED, ("typical error (core)", "RMS error", "lifetime", "outlier ratio"), strict=True)
 )
 """What trackers are ranked by, by the roles of the statistics, in the order of the table."""
-_COLUMNS = dict(zip(RANKED, ("core", "RMS", "lifetime", "outliers"), strict=True))
+COLUMNS = dict(zip(RANKED, ("core", "RMS", "lifetime", "outliers"), strict=True))
 _QUANTITY = dict(zip(RANKED, ("typical error", "RMS error", "lifetime", "outlier ratio"), strict=True))
 _BEST = dict(
     zip(RANKED, ("smallest typical error", "smallest RMS error", "longest tracks", "fewest outliers"), strict=True)
@@ -136,7 +136,7 @@ def leaderboard(data: ReportData) -> Leaderboard | None:
         entries += [Entry(_cost(costs.get(tracker)))] if costs else []
         is_bound = setting is not None and setting.is_bound
         rows.append(Row(tracker, data.colour[tracker], tuple(entries), is_bound))
-    columns = (_SETTING, *(_COLUMNS[role] for role in roles), *([_COST] if costs else []))
+    columns = (_SETTING, *(COLUMNS[role] for role in roles), *([_COST] if costs else []))
     return Leaderboard(
         ranks, tuple(settings.values()), columns, tuple(rows), how_to_read(data, ranks), _places(data, axis)
     )
@@ -149,7 +149,7 @@ def _places(data: ReportData, axis: str) -> str:
     errors = (
         ""
         if at is None
-        else f"Errors are in {axis} {of_all.conditions.place(at)}, RMS is {rms_of_tracks(data.trimming)}. "
+        else f"Errors are in {axis} {of_all.conditions.place(at)}; {rms_of_tracks(data.trimming)}. "
     )
     return f"{errors}Lifetimes are restricted means."
 

@@ -1,0 +1,321 @@
+"""A file of results that others can add trackers to: rounds, each with its data and what trackers made of them."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+import tomlkit
+from pydantic import TypeAdapter, ValidationError
+
+from tracknoise.analysis.condition_units import groups_of_scenes
+from tracknoise.analysis.factors import RANKED
+from tracknoise.analysis.run_inputs import has_errors
+from tracknoise.analysis.scene_values import RunValues, run_values
+from tracknoise.analysis.shared_scenes import LAST_AGE, SHOWN_AGE, SceneNumbers, Typical, ranks, scene_numbers, typical
+from tracknoise.exceptions import SettingsError
+from tracknoise.foreign_files import MIB, read_text
+from tracknoise.inference.conventions import LEVEL
+from tracknoise.report.answer import noise_to_set
+from tracknoise.report.cells import Cells
+from tracknoise.report.leaderboard import COLUMNS
+from tracknoise.report.report_data import ReportData
+from tracknoise.statistics.definitions import POOLED
+from tracknoise.tables.costs import read_costs
+from tracknoise.tables.findings_schema import CURVES
+from tracknoise.tables.manifest import STATED, SequenceEntry
+from tracknoise.text import significant
+from tracknoise.words import DASH, SPACE, number, percent, px
+
+FORMAT = 1
+_MOST_BYTES = 64 * MIB
+_LEFT_OUT = ("name", "trackers", "findings", "keep", "verify", "check")
+"""Settings that are those of whoever adds a tracker, or change no error."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackerResult:
+    """What a tracker made of the data of a round.
+
+    Attributes
+    ----------
+    kind, options
+        Of the tracker, as in an experiment file.
+    sigma
+        What to set in the estimator of the round, and its interval, px; null where it is unknown.
+    innovations_px
+        What innovations look like there, px.
+    cpu_ms, machine
+        CPU time of a step, ms, and of which machine; null where it was not measured.
+    scenes
+        What each scene measured.
+    """
+
+    kind: str
+    options: dict[str, Any]
+    sigma: tuple[float, float | None, float | None] | None
+    innovations_px: float | None
+    cpu_ms: float | None
+    machine: str
+    scenes: dict[str, SceneNumbers]
+
+
+@dataclass(frozen=True, slots=True)
+class Round:
+    """Data, and what trackers made of them.
+
+    Attributes
+    ----------
+    experiment, folder
+        Settings without trackers, TOML; and the name of the folder of the data, empty where they are simulated.
+    sequences
+        What must be the same for whoever adds a tracker, by sequence: frames, size of images, truth, hash of an image.
+    groups
+        Number of the group of each scene.
+    versions
+        Of the libraries that results depend on.
+    margin
+        Largest relative difference that counts as none.
+    truth, why
+        Verdict on the truth, and its reason.
+    trackers
+        By name.
+    """
+
+    experiment: str
+    folder: str
+    sequences: dict[str, dict[str, str]]
+    groups: dict[str, int]
+    versions: dict[str, str]
+    margin: float
+    truth: str
+    why: str
+    trackers: dict[str, TrackerResult] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
+class Results:
+    """Rounds by name. `format`: of this structure."""
+
+    rounds: dict[str, Round] = field(default_factory=dict)
+    format: int = FORMAT
+
+
+@cache
+def _adapter() -> TypeAdapter[Results]:
+    return TypeAdapter(Results)
+
+
+def read_results(path: Path) -> Results:
+    """Read a file of results.
+
+    Raises
+    ------
+    DataError, SettingsError
+        If it cannot be read, is damaged, or of another format.
+    """
+    text = read_text(path, "a file of results", most=_MOST_BYTES)
+    try:
+        found = _adapter().validate_json(text)
+    except (ValidationError, ValueError) as error:
+        raise SettingsError(f"{path}: damaged ({_first_line(error)}), expected a file of results") from error
+    if found.format != FORMAT:
+        raise SettingsError(f"{path}: found format {found.format}, expected {FORMAT}")
+    return found
+
+
+def _first_line(error: Exception) -> str:
+    if isinstance(error, ValidationError):
+        problem = error.errors()[0]
+        return f"{'.'.join(map(str, problem['loc']))}: {problem['msg']}".removeprefix(": ")
+    return str(error).partition("\n")[0]
+
+
+def results_json(results: Results) -> str:
+    """Results as the text of a file."""
+    rounds = {name: asdict(one) for name, one in sorted(results.rounds.items())}
+    return json.dumps({"format": results.format, "rounds": rounds}, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def round_of(data: ReportData) -> Round:
+    """What the trackers of a run made of its data, at its lowest speed."""
+    settings = data.shown(data.settings)
+    sequences = data.manifest.sequences
+    groups = groups_of_scenes(sequences, data.settings["dataset"].get("groups"))
+    values = _values(data)
+    (dataset,) = {entry.sequence.dataset for entry in sequences.values()}
+    scenes = values.scenes[dataset]
+    to_set, costs = {one.tracker: one for one in noise_to_set(data)}, read_costs(data.run)
+    reference = data.conditions().reference
+    kinds = {choice.get("name") or choice["kind"]: choice for choice in settings["trackers"]}
+    machine = ", ".join(
+        f"{value}{' cores' if name == 'cores' else ''}" for name, value in data.manifest.machine.items()
+    )
+    trackers = {}
+    for condition in values.keys:
+        named = dict(zip(POOLED, condition, strict=True))
+        tracker = str(named.pop("tracker"))
+        if any(named[name] != getattr(reference, name) for name in named if name != "dataset"):
+            continue
+        one = to_set.get(tracker)
+        trackers[tracker] = TrackerResult(
+            kind=str(kinds[tracker]["kind"]),
+            options=kinds[tracker].get("options", {}),
+            sigma=None if one is None or one.sigma.value is None else (one.sigma.value, one.sigma.low, one.sigma.high),
+            innovations_px=None if one is None else one.innovations.value,
+            cpu_ms=costs.get(tracker),
+            machine=machine,
+            scenes=scene_numbers(values, condition),
+        )
+    return Round(
+        experiment=tomlkit.dumps(_shared(settings)),
+        folder=Path(data.settings["dataset"].get("root") or "").name,
+        sequences={key: _identity(entry) for key, entry in sorted(sequences.items())},
+        groups=dict(zip(scenes, groups.of(dataset, scenes).tolist(), strict=True)),
+        versions=dict(data.manifest.versions),
+        margin=data.margin,
+        truth=str(data.truth.verdict),
+        why=data.truth.text,
+        trackers=trackers,
+    )
+
+
+def _values(data: ReportData) -> RunValues:
+    """What scenes measured."""
+    keys = sorted(data.manifest.sequences)
+
+    def of_errors(name: str) -> Iterator[pl.DataFrame]:
+        chosen = has_errors(data.population), pl.col("population") == data.population
+        return (table.filter(*chosen) for table in data.run.stacked_tables(name, keys))
+
+    return run_values(
+        of_errors("moments"),
+        of_errors("scales"),
+        data.run.stacked_tables("ends", keys),
+        data.run.stacked_tables("frames", keys),
+        data.run.statistics(CURVES),
+        population=data.population,
+    )
+
+
+def _shared(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Settings of a round: without those of who measures it, and without the folder of the data."""
+    shared = {name: value for name, value in settings.items() if name not in _LEFT_OUT}
+    return shared | {"dataset": {name: value for name, value in shared["dataset"].items() if name != "root"}}
+
+
+def _identity(entry: SequenceEntry) -> dict[str, str]:
+    return {
+        "frames": str(entry.n_frames),
+        "size": f"{entry.width} x {entry.height} px",
+        "truth": str(entry.truth),
+        "poses": entry.leading_poses,
+        "image": f"frame {entry.snapshot_frame}: {entry.sha256.get('snapshots')}",
+    }
+
+
+def joined(results: Results, name: str, made: Round) -> Results:
+    """Results with a round, or with its trackers where there is one of this name; those of the same name are replaced.
+
+    Raises
+    ------
+    SettingsError
+        If the round that there is has other data, another truth, other settings or other libraries.
+    """
+    known = results.rounds.get(name)
+    if known is None:
+        return replace(results, rounds={**results.rounds, name: made})
+    for what, found, expected in _differing(known, made):
+        raise SettingsError(f"round {name}: {what}: found {found}, expected {expected} as in the results")
+    return replace(
+        results, rounds={**results.rounds, name: replace(known, trackers={**known.trackers, **made.trackers})}
+    )
+
+
+def _differing(known: Round, made: Round) -> Iterator[tuple[str, str, str]]:
+    """What is another one in a new round, what was found, and what is expected."""
+    for library, version in known.versions.items():
+        if library != "python" and made.versions.get(library, version) != version:
+            yield f"version of {library}", made.versions[library], version
+    if made.experiment != known.experiment:
+        yield "settings", _line(made.experiment, known.experiment), _line(known.experiment, made.experiment)
+    if set(made.sequences) != set(known.sequences):
+        yield "sequences", ", ".join(made.sequences) or "none", ", ".join(known.sequences)
+        return
+    for key, facts in known.sequences.items():
+        for what, expected in facts.items():
+            found = made.sequences[key][what]
+            if found != expected and (what != "image" or found.split(":")[0] == expected.split(":")[0]):
+                yield f"{what} of {key}", found, expected
+
+
+def _line(text: str, other: str) -> str:
+    """The first line that another text does not have."""
+    lines = set(other.splitlines())
+    return next((line for line in text.splitlines() if line not in lines), "nothing else")
+
+
+def standings(name: str, of: Round) -> Cells:
+    """The leaderboard of a round: trackers by best rank in the core, then by what to set.
+
+    Errors are those of a typical scene. Nobody is ranked where poses were refined by tracks, which may favour trackers
+    that are like these, or where scenes are too few.
+    """
+    group = np.array([*of.groups.values()], dtype=np.intp)
+    are_stated = {facts["poses"] for facts in of.sequences.values()} == {STATED}
+    scenes = {tracker: {scene: one.scenes[scene] for scene in of.groups} for tracker, one in of.trackers.items()}
+    ranked = ranks(scenes, group, margin=of.margin, level=LEVEL) if are_stated and len(scenes) > 1 else {}
+    order = sorted(of.trackers, key=lambda tracker: (*ranked.get((tracker, RANKED[0]), (0,))[:1], _sigma(of, tracker)))
+    bound = "" if of.truth in ("trusted", "limited") else "at most "
+    rows = []
+    for tracker in order:
+        one, values = of.trackers[tracker], typical(scenes[tracker], group, LEVEL)
+        rows.append(
+            [
+                tracker,
+                _with_interval(Typical(*(_nan(value) for value in one.sigma)), bound) if one.sigma else DASH,
+                *(_cell(values.get(role), role, ranked.get((tracker, role))) for role in RANKED),
+                f"{significant(one.cpu_ms, 2)}{SPACE}ms" if one.cpu_ms is not None else DASH,
+            ]
+        )
+    headings = ["tracker", "sigma to set", *COLUMNS.values(), "CPU per step"]
+    return Cells(_caption(name, of, is_ranked=bool(ranked)), headings, rows, [False, *([True] * (len(headings) - 1))])
+
+
+def _caption(name: str, of: Round, *, is_ranked: bool) -> str:
+    scenes = f"{len(of.groups)} scenes" if len(of.groups) > 1 else "1 scene"
+    errors = f"Core and RMS of a typical scene at age {SHOWN_AGE}; lifetimes up to {LAST_AGE} frames."
+    ranked = " In brackets: ranks." if is_ranked else " Not ranked."
+    return f"{name}: {scenes}, truth {of.truth}. {errors}{ranked}"
+
+
+def _sigma(of: Round, tracker: str) -> float:
+    sigma = of.trackers[tracker].sigma
+    return float("inf") if sigma is None else sigma[0]
+
+
+def _nan(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def _with_interval(found: Typical, bound: str) -> str:
+    if found.low != found.low:
+        return f"{bound}{px(found.value)}"
+    return f"{bound}{px(found.value)} [{number(found.low)}, {number(found.high)}]"
+
+
+def _cell(found: Typical | None, role: str, span: tuple[int, int] | None) -> str:
+    if found is None:
+        return DASH
+    if role == "lifetime":
+        text = f"{number(found.value)}{SPACE}frames"
+    else:
+        text = percent(found.value) if role == "outlier_ratio" else px(found.value)
+    if span is None:
+        return text
+    best, worst = span
+    return f"{text} ({best if best == worst else f'{best} to {worst}'})"

@@ -147,9 +147,7 @@ def _places(data: ReportData, axis: str) -> str:
     of_all = Subject(data, data.trackers[0])
     at = of_all.shared_at
     errors = (
-        ""
-        if at is None
-        else f"Errors are in {axis} {of_all.conditions.place(at)}; {rms_of_tracks(data.trimming)}. "
+        "" if at is None else f"Errors are in {axis} {of_all.conditions.place(at)}; {rms_of_tracks(data.trimming)}. "
     )
     return f"{errors}Lifetimes are restricted means."
 

@@ -26,12 +26,14 @@ from tracknoise.report.leaderboard import COLUMNS
 from tracknoise.report.report_data import ReportData
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.tables.costs import read_costs
+from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.manifest import STATED, SequenceEntry
 from tracknoise.text import significant
-from tracknoise.words import DASH, SPACE, number, percent, px
+from tracknoise.words import DASH, SPACE, number, percent, pixels, px
 
 FORMAT = 1
+_USABLE = (Trust.trusted, Trust.limited)
 _MOST_BYTES = 64 * MIB
 _LEFT_OUT = ("name", "trackers", "findings", "keep", "verify", "check")
 """Settings that are those of whoever adds a tracker, or change no error."""
@@ -259,31 +261,72 @@ def _line(text: str, other: str) -> str:
     return next((line for line in text.splitlines() if line not in lines), "nothing else")
 
 
-def standings(name: str, of: Round) -> Cells:
-    """The leaderboard of a round: trackers by best rank in the core, then by what to set.
+@dataclass(frozen=True, slots=True)
+class _Standing:
+    """A tracker of a round: what it made of a typical scene, and its ranks, by the roles of statistics."""
 
-    Errors are those of a typical scene. Nobody is ranked where poses were refined by tracks, which may favour trackers
-    that are like these, or where scenes are too few.
+    tracker: str
+    result: TrackerResult
+    typical: Mapping[str, Typical]
+    ranks: Mapping[str, tuple[int, int]]
+
+
+def _standings(of: Round) -> list[_Standing]:
+    """Trackers by best rank in the core, then by what to set.
+
+    Nobody is ranked where poses were refined by tracks, which may favour trackers that are like these, or where scenes
+    are too few.
     """
     group = np.array([*of.groups.values()], dtype=np.intp)
     are_stated = {facts["poses"] for facts in of.sequences.values()} == {STATED}
     scenes = {tracker: {scene: one.scenes[scene] for scene in of.groups} for tracker, one in of.trackers.items()}
     ranked = ranks(scenes, group, margin=of.margin, level=LEVEL) if are_stated and len(scenes) > 1 else {}
-    order = sorted(of.trackers, key=lambda tracker: (*ranked.get((tracker, RANKED[0]), (0,))[:1], _sigma(of, tracker)))
-    bound = "" if of.truth in ("trusted", "limited") else "at most "
-    rows = []
-    for tracker in order:
-        one, values = of.trackers[tracker], typical(scenes[tracker], group, LEVEL)
-        rows.append(
-            [
-                tracker,
-                _with_interval(Typical(*(_nan(value) for value in one.sigma)), bound) if one.sigma else DASH,
-                *(_cell(values.get(role), role, ranked.get((tracker, role))) for role in RANKED),
-                f"{significant(one.cpu_ms, 2)}{SPACE}ms" if one.cpu_ms is not None else DASH,
-            ]
+    found = [
+        _Standing(
+            tracker,
+            one,
+            typical(scenes[tracker], group, LEVEL),
+            {role: ranked[tracker, role] for role in RANKED if (tracker, role) in ranked},
         )
+        for tracker, one in of.trackers.items()
+    ]
+    return sorted(found, key=lambda one: (*one.ranks.get(RANKED[0], (0,))[:1], _sigma(one.result)))
+
+
+def standings(name: str, of: Round) -> Cells:
+    """The leaderboard of a round, by best rank in the core, then by what to set. Errors are of a typical scene."""
+    found = _standings(of)
+    rows = [
+        [
+            one.tracker,
+            _with_interval(one.result.sigma, _bound(of)),
+            *(_cell(one.typical.get(role), role, one.ranks.get(role)) for role in RANKED),
+            f"{significant(one.result.cpu_ms, 2)}{SPACE}ms" if one.result.cpu_ms is not None else DASH,
+        ]
+        for one in found
+    ]
     headings = ["tracker", "sigma to set", *COLUMNS.values(), "CPU per step"]
-    return Cells(_caption(name, of, is_ranked=bool(ranked)), headings, rows, [False, *([True] * (len(headings) - 1))])
+    is_ranked = any(one.ranks for one in found)
+    return Cells(_caption(name, of, is_ranked=is_ranked), headings, rows, [False, *([True] * (len(headings) - 1))])
+
+
+def ranked_sigmas(of: Round) -> dict[str, str]:
+    """What to set for each tracker of a round, px, with its ranks in the core in brackets; by name, the best first."""
+    return {one.tracker: _ranked_sigma(one, _bound(of)) for one in _standings(of)}
+
+
+def _ranked_sigma(one: _Standing, bound: str) -> str:
+    sigma = DASH if one.result.sigma is None else f"{bound}{pixels(one.result.sigma[0])}"
+    return f"{sigma} ({_span(one.ranks[RANKED[0]])})" if RANKED[0] in one.ranks else sigma
+
+
+def _span(ranks: tuple[int, int]) -> str:
+    best, worst = ranks
+    return str(best) if best == worst else f"{best}\N{EN DASH}{worst}"
+
+
+def _bound(of: Round) -> str:
+    return "" if of.truth in _USABLE else f"\N{LESS-THAN OR EQUAL TO}{SPACE}"
 
 
 def _caption(name: str, of: Round, *, is_ranked: bool) -> str:
@@ -293,19 +336,16 @@ def _caption(name: str, of: Round, *, is_ranked: bool) -> str:
     return f"{name}: {scenes}, truth {of.truth}. {errors}{ranked}"
 
 
-def _sigma(of: Round, tracker: str) -> float:
-    sigma = of.trackers[tracker].sigma
-    return float("inf") if sigma is None else sigma[0]
+def _sigma(result: TrackerResult) -> float:
+    return float("inf") if result.sigma is None else result.sigma[0]
 
 
-def _nan(value: float | None) -> float:
-    return float("nan") if value is None else value
-
-
-def _with_interval(found: Typical, bound: str) -> str:
-    if found.low != found.low:
-        return f"{bound}{px(found.value)}"
-    return f"{bound}{px(found.value)} [{number(found.low)}, {number(found.high)}]"
+def _with_interval(sigma: tuple[float, float | None, float | None] | None, bound: str) -> str:
+    if sigma is None:
+        return DASH
+    value, low, high = sigma
+    interval = "" if low is None or high is None or bound else f" [{pixels(low)}, {pixels(high)}]"
+    return f"{bound}{px(value)}{interval}"
 
 
 def _cell(found: Typical | None, role: str, span: tuple[int, int] | None) -> str:
@@ -315,7 +355,4 @@ def _cell(found: Typical | None, role: str, span: tuple[int, int] | None) -> str
         text = f"{number(found.value)}{SPACE}frames"
     else:
         text = percent(found.value) if role == "outlier_ratio" else px(found.value)
-    if span is None:
-        return text
-    best, worst = span
-    return f"{text} ({best if best == worst else f'{best} to {worst}'})"
+    return text if span is None else f"{text} ({_span(span)})"

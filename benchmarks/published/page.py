@@ -1,0 +1,116 @@
+"""The page of the published benchmark."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from tracknoise.report.results_file import Results, Round, ranked_sigmas
+from tracknoise.tables.manifest import joined_fit
+from tracknoise.tables.store import RunFolder
+from tracknoise.words import DASH, number, pixels
+
+_ABOUT = """# Benchmark
+
+**Sigma to set in a filter, px, by tracker and data.** In brackets: ranks in typical error (core), by scenes; a rank of
+2 to 5 means that one tracker is shown to be better by more than 10 %. `≤`: the truth is not trusted, sigma is at most
+this.
+"""
+_TRUTHS = """
+## How wrong stated truths are
+
+By poses that are refined with reference tracks, which are never measured: what stated poses add to the errors of
+tracks.
+"""
+_ADD = """
+## Add your tracker
+
+```sh
+tracknoise tournament --add mine.toml --to docs/benchmark.json --data /data
+```
+
+measures the trackers of `mine.toml` in every round, ranks them among the others, and writes them into the file. Rounds
+of recordings need their folders in that of `--data`. Other data, truth, settings or versions of libraries are refused.
+
+`python -m benchmarks.published FOLDER --data /data` measures everything again, and resumes. Rounds are
+`benchmarks/published/*.toml`, with their seeds.
+"""
+_STEREO = "stereo"
+
+
+@dataclass(frozen=True, slots=True)
+class StatedTruth:
+    """What refined poses say of the stated ones of a run; empty texts where they say nothing."""
+
+    name: str
+    rotation_deg: float | None
+    position_m: float | None
+    next_px: float | None
+    stated_px: float | None
+    age: int | None
+    left_px: float | None
+    reason: str
+
+
+def truth_of(run: RunFolder) -> StatedTruth | None:
+    """The same of a run; None where poses are exact."""
+    entries = run.manifest().sequences.values()
+    fit = joined_fit([entry.pose_fit for entry in entries])
+    if fit is None:
+        return None
+    stated = fit.stated_errors or {}
+    return StatedTruth(
+        run.path.name,
+        stated.get("rotation_deg"),
+        stated.get("position_m"),
+        fit.next_px,
+        fit.stated_px,
+        fit.age,
+        fit.left_px,
+        fit.reason,
+    )
+
+
+def page(results: Results, truths: Sequence[StatedTruth | None]) -> str:
+    """Sigmas and ranks of every tracker in every round, how wrong stated truths are, and how to add a tracker."""
+    parts = [_ABOUT, _sigmas({name: one for name, one in results.rounds.items() if name != "stereo"})]
+    if "stereo" in results.rounds:
+        parts += [
+            "\nWith two cameras, sigma is for positions in both:\n",
+            _sigmas({"stereo": results.rounds["stereo"]}),
+        ]
+    known = [truth for truth in truths if truth is not None]
+    parts += [_TRUTHS, _truths(known)] if known else []
+    return "\n".join([*parts, _ADD, _made(results)])
+
+
+def _sigmas(rounds: dict[str, Round]) -> str:
+    cells = {name: ranked_sigmas(one) for name, one in rounds.items()}
+    trackers = dict.fromkeys(tracker for of_round in cells.values() for tracker in of_round)
+    rows = [[tracker, *(of_round.get(tracker, DASH) for of_round in cells.values())] for tracker in trackers]
+    return _table(["tracker", *cells], rows)
+
+
+def _truths(truths: Sequence[StatedTruth]) -> str:
+    rows = [
+        [
+            truth.name,
+            number(truth.rotation_deg),
+            number(truth.position_m),
+            pixels(truth.next_px),
+            pixels(truth.stated_px),
+            pixels(truth.left_px),
+        ]
+        for truth in truths
+    ]
+    ages = {truth.age for truth in truths if truth.age is not None}
+    at = f"age {ages.pop()}" if len(ages) == 1 else "the reference age"
+    return _table(["recording", "degrees", "metres", "px at age 1", f"px at {at}", "left by refined poses, px"], rows)
+
+
+def _made(results: Results) -> str:
+    versions = next(iter(results.rounds.values())).versions
+    return "Made with " + ", ".join(f"{name} {version}" for name, version in versions.items()) + ".\n"
+
+
+def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    rules = ["---", *(["--:"] * (len(headings) - 1))]
+    return "\n".join(f"| {' | '.join(row)} |" for row in (headings, rules, *rows)) + "\n"

@@ -63,7 +63,15 @@ def test_other_seeds_make_no_run_worse_or_better(make):
 def test_a_run_is_like_itself_in_everything(make):
     found = tracknoise.compare(make("base"), make("base"))
     assert {row.verdict for row in found.rows} == {"no difference"}
-    assert [found.first.name, found.others[0].name] == [str(make("base")), f"{make('base')} (2)"]
+    assert found.first.name == found.others[0].name == "compare-base"
+
+
+def test_runs_of_the_same_name_are_named_by_the_folders_that_distinguish_them(make, tmp_path):
+    copies = [shutil.copytree(make("base"), tmp_path / folder / "run") for folder in ("before/x", "after/x", "after/y")]
+    found = tracknoise.compare(*copies, make("base"))
+    assert [found.first.name, *(side.name for side in found.others)] == [
+        "before/x/run", "after/x/run", "y/run", "compare-base",
+    ]  # fmt: skip
 
 
 def test_larger_errors_and_shorter_lives_are_worse(make):

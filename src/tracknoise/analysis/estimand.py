@@ -41,12 +41,25 @@ class TableValues:
 
 
 @dataclass(frozen=True, slots=True)
+class Wording:
+    """How sentences compare two runs by a statistic."""
+
+    better: str  # what the better run is good for, or has: ``is better for depths``, ``has longer tracks``
+    subject: str  # of an effect, with its verb: ``tracks live``
+    more: str = "larger"
+    less: str = "smaller"
+    as_much: str = "large"  # after a factor: ``2.5 times as large``
+    is_secondary: bool = False  # whether a conclusion names it only of a run that is better in nothing else
+
+
+@dataclass(frozen=True, slots=True)
 class Estimand:
     """One statistic that runs are compared by."""
 
     name: str  # in files
     meaning: str  # what is estimated
     values: RoleValues | TableValues  # of scenes
+    wording: Wording
     unit: Unit = Unit.ratio  # of an effect
     called: str = ""  # for readers; by default the name
     larger_is_better: bool = False
@@ -58,6 +71,8 @@ class Estimand:
         return self.called or self.name.replace("_", " ")
 
 
+FREQUENCY = ("more frequent", "less frequent", "frequent")
+"""More, less and as much, for statistics that count events."""
 OVER_SCENES = "geometric mean over scenes"
 OVER_ALL = f"{OVER_SCENES}, ages (or frames) and both coordinates"
 """What estimands are means over."""

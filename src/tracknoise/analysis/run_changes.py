@@ -14,9 +14,8 @@ Statistics form families, each with the whole level: sizes (core, second moment 
 - `undecided`: all other cases.
 """
 
-import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -42,7 +41,6 @@ from tracknoise.inference.paired_differences import Differences
 from tracknoise.inference.units import MIN_SCENES, Resampled
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges, Verdict
-from tracknoise.tables.trust import TruthVerdict
 from tracknoise.words import only, place
 
 
@@ -102,18 +100,6 @@ class Row(OfEstimand):
 
 
 @dataclass(frozen=True, slots=True)
-class RunSide:
-    """One of the runs."""
-
-    name: str  # by which rows refer to it
-    path: str
-    # settings and versions of packages that differ from those of the first run: name, there, here
-    differs: tuple[tuple[str, str, str], ...] = ()
-    notes: tuple[str, ...] = ()  # what the comparison leaves out, one sentence each
-    truth: TruthVerdict = field(default_factory=TruthVerdict)  # the verdict on the truth of the run
-
-
-@dataclass(frozen=True, slots=True)
 class GateRow(OfEstimand):
     """Outcome of one tolerance in one condition."""
 
@@ -134,59 +120,6 @@ class GateResult:
     outcome: str  # ``pass`` if all rows pass, ``worse`` if one is worse, otherwise ``undecided``
     rows: tuple[GateRow, ...]  # one per tolerance and condition
     missing: tuple[str, ...]  # what a gate needs and the runs lack, one sentence each: it is never passed with any
-
-
-@dataclass(frozen=True, slots=True)
-class Comparison:
-    """Runs compared with the first of them."""
-
-    first: RunSide
-    others: tuple[RunSide, ...]
-    rows: tuple[Row, ...]  # one per statistic, condition and run
-    margin: float
-    level: float
-    ages: ComparedAges
-    gate: GateResult | None = None  # outcome of the gate, if there was one
-
-    @property
-    def estimands(self) -> Mapping[str, Estimand]:
-        """Every statistic that occurs, by name."""
-        return {row.statistic: row.estimand for row in self.rows}
-
-    @property
-    def doubts(self) -> tuple[str, ...]:
-        """What is said of the truth of each run whose truth is not trusted, or of which this is unknown."""
-        sides = (self.first, *self.others)
-        return tuple(f"{side.name}: {side.truth.sentence}" for side in sides if not side.truth.is_usable)
-
-
-FORMAT = 1
-
-
-def comparison_json(comparison: Comparison) -> str:
-    """Write a comparison.
-
-    Returns
-    -------
-    str
-        An object with `format`, the fields of `Comparison`, and `estimands`: title, meaning and unit of every statistic
-        that occurs. What is missing is null.
-    """
-    estimands = {
-        name: {part: getattr(estimand, part) for part in ("title", "meaning", "unit", "larger_is_better")}
-        for name, estimand in comparison.estimands.items()
-    }
-    document: dict[str, Any] = {
-        "format": FORMAT,
-        **asdict(comparison, dict_factory=_with_statistics),
-        "estimands": estimands,
-    }
-    return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _with_statistics(fields: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Fields of a dataclass, with the name of the statistic in place of the estimand."""
-    return dict(("statistic", value["name"]) if name == "estimand" else (name, value) for name, value in fields)
 
 
 def place_words(axis: str, at: int) -> str:

@@ -1,6 +1,7 @@
 """``tracknoise compare``: what changed between runs on the same scenes, and whether it passes a gate."""
 
 import textwrap
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +20,7 @@ from tracknoise.cli.shared_options import (
 from tracknoise.cli.terminal import WIDTH, Terminal
 
 if TYPE_CHECKING:
-    from tracknoise.analysis.run_changes import Comparison
+    from tracknoise.analysis.comparison import Comparison
 
 STATUS = {"pass": 0, "worse": 3, "undecided": 4}
 """Exit status of each outcome of a gate."""
@@ -45,7 +46,7 @@ def compare(
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:
-    """Compare runs on the same scenes, paired by scene: worse, better, no difference or undecided.
+    """Compare runs on the same scenes, paired by scene: which is better for what, or what is undecided.
 
     Refuses runs on other data, with other truth or other libraries. Verdicts need six scenes. With --gate, the exit
     status is 0 if it passes, 3 if something is worse than its tolerance, and 4 if it is undecided.
@@ -53,8 +54,8 @@ def compare(
     Examples: `tracknoise compare runs/before runs/after --gate gate.toml`,
     `tracknoise compare runs/a runs/b --trackers lucas-kanade mine -o compare.html`
     """
+    from tracknoise.analysis.comparison import comparison_json
     from tracknoise.analysis.gate import read_gate
-    from tracknoise.analysis.run_changes import comparison_json
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.experiments.compare_runs import compare as compare_runs
     from tracknoise.report.comparison_page import comparison_markdown, comparison_page
@@ -87,16 +88,22 @@ def _print_notes(terminal: Terminal, comparison: "Comparison") -> None:
 
 def _print(terminal: Terminal, comparison: "Comparison") -> None:
     from tracknoise.cli.text_table import show
-    from tracknoise.report.comparison_page import answers, by_run, clearest, gate_cells, gate_sentences, verdict_cells
+    from tracknoise.report.comparison_page import change_sentences, gate_cells, gate_sentences, verdict_cells
+
+    def print_lines(sentences: Sequence[str]) -> None:
+        for sentence in sentences:
+            terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
+        if sentences:
+            terminal.result("")
 
     if comparison.gate is not None:
         terminal.result("\n".join([*gate_sentences(comparison.gate), ""]))
+    print_lines(comparison.conclusions)
+    if comparison.gate is not None:
         show(terminal.result, gate_cells(comparison.gate))
         terminal.result("")
-    for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True):
-        for sentence in [f"{side.name} compared with {comparison.first.name}.", *answers(rows), *clearest(rows)]:
-            terminal.result(textwrap.fill(sentence, WIDTH, subsequent_indent="  "))
-        terminal.result("")
-        for cells in verdict_cells(comparison, side.name, rows):
+    for side in comparison.others:
+        print_lines(change_sentences(comparison, side))
+        for cells in verdict_cells(comparison, side):
             show(terminal.result, cells)
             terminal.result("")

@@ -3,7 +3,6 @@
 Runs can be compared if they have the same data, truth and libraries, whatever their trackers are.
 """
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,11 +10,12 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.analysis.comparison import Comparison, RunSide
 from tracknoise.analysis.condition_units import groups_of_scenes
 from tracknoise.analysis.estimand import Estimand, RoleValues, TableValues
 from tracknoise.analysis.gate import Gate, judge
 from tracknoise.analysis.paired_tests import Unit
-from tracknoise.analysis.run_changes import Asked, Compared, Comparison, RunSide, verdicts
+from tracknoise.analysis.run_changes import Asked, Compared, verdicts
 from tracknoise.analysis.run_inputs import read_kind_tables
 from tracknoise.analysis.scene_values import NUMBERS, RunValues, differences_of, number_differences, run_values
 from tracknoise.checks import path_of, require, require_within
@@ -423,13 +423,15 @@ def _require(
 
 
 def _opened(paths: Sequence[Path]) -> list[OpenedRun]:
-    """The runs, with names that differ: those of their folders, else their paths, else numbered."""
-    names = [path.resolve().name for path in paths]
-    if len(set(names)) < len(names):
-        names = [str(path) for path in paths]
-    seen: Counter[str] = Counter()
-    runs = []
-    for path, name in zip(paths, names, strict=True):
-        seen[name] += 1
-        runs.append(OpenedRun.of(RunFolder(path), name if seen[name] == 1 else f"{name} ({seen[name]})"))
-    return runs
+    """The runs, by the names of their folders, and as many folders above them as it takes to distinguish them."""
+    resolved = [path.resolve() for path in paths]
+    if len(set(resolved[1:])) < len(resolved) - 1:
+        raise SettingsError("found a run twice among those that are compared with the first, expected each once")
+    return [OpenedRun.of(RunFolder(path), _name(whole, resolved)) for path, whole in zip(paths, resolved, strict=True)]
+
+
+def _name(path: Path, paths: Iterable[Path]) -> str:
+    """The shortest end of a path that no other of some paths has."""
+    others = [other.parts for other in paths if other != path]
+    ends = (path.parts[-length:] for length in range(1, len(path.parts) + 1))
+    return next(str(Path(*end)) for end in ends if not any(other[-len(end) :] == end for other in others))

@@ -1,6 +1,6 @@
 """A comparison of runs for readers: words, tables, Markdown and a page.
 
-- Effects, conditions and answers of a comparison in words.
+- Effects and conditions of a comparison in words.
 - Effect and interval of a row as places on a line, in margins: what is worse lies to the right.
 - A comparison in Markdown, for a pull request.
 - A comparison as one HTML page that needs no network.
@@ -8,25 +8,32 @@
 
 import math
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
-from tracknoise.analysis.estimand import Estimand
+from tracknoise.analysis.comparison import Comparison, RunSide
+from tracknoise.analysis.conclusion import common_reason, condition_text, varying
 from tracknoise.analysis.paired_tests import Unit
-from tracknoise.analysis.run_changes import (
-    Compared,
-    Comparison,
-    GateResult,
-    GateRow,
-    Row,
-    RunSide,
-    place_words,
-)
+from tracknoise.analysis.run_changes import Compared, GateResult, GateRow, Row, place_words
+from tracknoise.inference.estimates import Estimate
 from tracknoise.report.cells import Cells
 from tracknoise.report.templates import template
 from tracknoise.tables.enumerations import ChangeVerdict
 from tracknoise.text import printable
-from tracknoise.words import DASH, MINUS, SPACE, count, interval_text, listing, number, pixels, sentence_case
+from tracknoise.words import (
+    DASH,
+    MINUS,
+    SPACE,
+    Write,
+    count,
+    format_as,
+    interval_text,
+    listing,
+    number,
+    pixels,
+    ratio,
+    sentence_case,
+)
 
 OUTCOMES = {
     "pass": "The gate passes.",
@@ -43,26 +50,96 @@ def effect_words(row: Row | GateRow) -> str:
     """An effect with its interval, if it has one: ``+21 % (+10 to +33)``; a dash without data."""
     if row.effect is None:
         return DASH
-    bounds = [bound for bound in (row.low, row.high) if bound is not None]
-    (value, *ends), unit = _in_unit(row.estimand, [row.effect, *bounds])
-    factor = "factor " if unit is None else ""
-    written = f"{factor}{value}{unit or ''}"
-    if not ends:
-        return written
-    if row.high is None:
-        return f"{written} ({ends[0]} or more)"
-    return f"{written} (up to {ends[0]})" if row.low is None else f"{written} ({' to '.join(ends)})"
+    ends = [end for end in (row.effect, row.low, row.high) if end is not None]
+    if row.estimand.unit == Unit.ratio and not all(map(_is_near_one, ends)):
+        return f"factor {format_as(Estimate(row.effect, row.low, row.high), number)}"
+    change, write, unit = _change(row)
+    return format_as(change, lambda value: _signed(write, value), unit=unit)
 
 
-def _in_unit(estimand: Estimand, values: Sequence[float]) -> tuple[list[str], str | None]:
-    """Values as text, and their unit; None for factors."""
-    if estimand.unit == Unit.px:
-        return [_signed(pixels(abs(one)), one) for one in values], f"{SPACE}px"
-    if estimand.unit == Unit.share:
-        return [_percent(100 * one) for one in values], " percentage points"
-    if all(_FACTORS[0] <= one <= _FACTORS[1] for one in values):
-        return [_percent(100 * (one - 1)) for one in values], f"{SPACE}%"
-    return [number(one) for one in values], None
+def _is_near_one(value: float) -> bool:
+    return _FACTORS[0] <= value <= _FACTORS[1]
+
+
+def _change(row: Row | GateRow) -> tuple[Estimate, Write, str]:
+    """An effect with a sign, how it is written without one, and its unit."""
+    effect = Estimate(row.effect, row.low, row.high)
+    if row.estimand.unit == Unit.px:
+        return effect, pixels, f"{SPACE}px"
+    if row.estimand.unit == Unit.share:
+        return effect.times(100), _to_tenths, " percentage points"
+    return _each(effect, lambda end: 100 * (end - 1)), _to_tenths, f"{SPACE}%"
+
+
+def _each(effect: Estimate, of: Callable[[float], float | None], *, is_reversed: bool = False) -> Estimate:
+    """A function of an estimate and its bounds, which it swaps if it is a falling one."""
+    bounds = (effect.high, effect.low) if is_reversed else (effect.low, effect.high)
+    value, low, high = (None if end is None else of(end) for end in (effect.value, *bounds))
+    return Estimate(value, low, high)
+
+
+def _signed(write: Write, value: float | None) -> str:
+    """A number with its sign, but for one that is written as zero."""
+    text = write(abs(value or 0))
+    return text if not text.strip("0.") else f"{'+' if (value or 0) > 0 else MINUS}{text}"
+
+
+def _to_tenths(value: float | None) -> str:
+    """To three digits, and no finer than a tenth."""
+    number = value or 0.0
+    return (f"{number:.1f}" if abs(round(number, 1)) < 10 else f"{number:.0f}").replace("-", MINUS)
+
+
+def _times(value: float | None) -> str:
+    """To two digits."""
+    return ratio(value) if value is not None and value >= _FACTORS[1] else number(value, digits=2)
+
+
+def change_sentences(comparison: Comparison, side: RunSide) -> list[str]:
+    """What is worse or better in a run, a sentence for each: first what conclusions name first. Then what is not."""
+    rows, names = comparison.rows_of(side), comparison.names(side)
+    found = [row for row in rows if row.verdict in (ChangeVerdict.worse, ChangeVerdict.better)]
+    found.sort(key=lambda row: row.estimand.wording.is_secondary)
+    more = f"The tables have {count(len(found) - _MOST_NAMED, 'more change')}." if len(found) > _MOST_NAMED else ""
+    are_ratios = any(row.estimand.unit == Unit.ratio for row in found)
+    mean = "Factors and percentages are geometric means over scenes." if are_ratios else ""
+    named = varying(rows)
+    return [
+        *(_effect_sentence(row, names, named) for row in found[:_MOST_NAMED]),
+        *filter(None, [more, *_unchanged(rows), mean]),
+    ]
+
+
+def _effect_sentence(row: Row, names: tuple[str, str], named: Sequence[str]) -> str:
+    """An effect in words, by the run that has more if it is a factor: ``Tracks live 2.5 times as long in w7``."""
+    assert row.effect is not None
+    words, whose = row.estimand.wording, names[1]
+    write: Write
+    if row.estimand.unit == Unit.ratio and not _is_near_one(row.effect):
+        effect, write, unit = Estimate(row.effect, row.low, row.high), _times, f"{SPACE}times as {words.as_much}"
+        if row.effect < 1:
+            effect, whose = _each(effect, lambda end: 1 / end if end else None, is_reversed=True), names[0]
+    else:
+        effect, write, unit = _change(row)
+        neutral = 1 if row.estimand.unit == Unit.ratio else 0
+        if row.effect < neutral:
+            effect = _each(effect, lambda end: -end, is_reversed=True)
+        unit = f"{unit} {words.less if row.effect < neutral else words.more}"
+    joint = "in" if row.of.tracker == row.of.other_tracker else "with"
+    size = format_as(effect, write, unit=f"{unit} {joint} {whose}")
+    said = ", ".join(filter(None, [condition_text(row.of, named), f"{words.subject} {size}", where_words(row)]))
+    return f"{sentence_case(said)}."
+
+
+def _unchanged(rows: Sequence[Row]) -> list[str]:
+    """What is not shown to differ, and what is undecided, of a single condition that has something else, too."""
+    sentences = []
+    for verdict in (ChangeVerdict.none, ChangeVerdict.undecided):
+        found = [row.estimand.title for row in rows if row.verdict == verdict]
+        if found and len(found) < len(rows) and len({row.of for row in rows}) == 1:
+            rest = [f"{len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
+            sentences.append(f"{sentence_case(verdict)}: {listing([*found[:_MOST_NAMED], *rest])}.")
+    return sentences
 
 
 def tolerance_words(row: GateRow) -> str:
@@ -80,54 +157,9 @@ def where_words(row: Row) -> str:
 
 
 def condition_words(of: Compared, varying: Sequence[str]) -> str:
-    """Trackers of a row, and what else distinguishes it from other rows."""
-    trackers = of.tracker if of.tracker == of.other_tracker else f"{of.other_tracker} against {of.tracker}"
-    return ", ".join([trackers, *_distinct(of, varying)])
-
-
-def _distinct(of: Compared, varying: Sequence[str]) -> list[str]:
-    return [f"{name} {getattr(of, name)}" for name in varying if name in _VARYING]
-
-
-def varying(rows: Sequence[Row | GateRow]) -> list[str]:
-    """Fields of the conditions that have several values."""
-    names = [field.name for field in fields(Compared)]
-    return [name for name in names if len({getattr(row.of, name) for row in rows}) > 1]
-
-
-def answers(rows: Sequence[Row]) -> list[str]:
-    """One sentence per verdict that occurs: its statistics, or how many rows have no difference or are undecided."""
-    named = varying(rows)
-    several = len({row.of for row in rows}) > 1
-    sentences = []
-    for verdict in ChangeVerdict:
-        found = [_named(row, named) for row in rows if row.verdict == verdict]
-        if several and verdict in (ChangeVerdict.none, ChangeVerdict.undecided):
-            found = [f"{len(found)} of {count(len(rows), 'row')}"] if found else []
-        rest = [f"{len(found) - _MOST_NAMED} more"] if len(found) > _MOST_NAMED else []
-        why = _why_of_all([row for row in rows if row.verdict == verdict])
-        if found:
-            reason = f", because {why}" if why else ""
-            sentences.append(f"{sentence_case(verdict)}: {listing([*found[:_MOST_NAMED], *rest])}{reason}.")
-    return sentences
-
-
-def _why_of_all(rows: Sequence[Row]) -> str:
-    """The remark that all rows have, where there are several; else empty."""
-    remarks = {row.why or "" for row in rows}
-    return remarks.pop() if len(rows) > 1 and len(remarks) == 1 else ""
-
-
-def clearest(rows: Sequence[Row]) -> list[str]:
-    """One sentence per statistic that is worse or better, with its effect; the worse ones first. Then what it is of."""
-    named = varying(rows)
-    ordered = sorted(rows, key=lambda row: list(ChangeVerdict).index(row.verdict))
-    found = [row for row in ordered if row.verdict in (ChangeVerdict.worse, ChangeVerdict.better)][:_MOST_NAMED]
-    effects = [
-        f"{sentence_case(_named(row, named))} is {row.verdict}: {effect_words(row)}{_at_age(row)}." for row in found
-    ]
-    are_ratios = any(row.estimand.unit == Unit.ratio for row in found)
-    return [*effects, *(["Factors and percentages are geometric means over scenes."] if are_ratios else [])]
+    """The tracker of a row, if it is the same in both runs, and what else distinguishes it from other rows."""
+    tracker = [of.tracker] if of.tracker == of.other_tracker else []
+    return ", ".join([*tracker, *(f"{name} {getattr(of, name)}" for name in varying if name in _VARYING)])
 
 
 def gate_sentences(result: GateResult) -> list[str]:
@@ -143,55 +175,31 @@ def intervals_words(rows: Sequence[Row], level: float) -> str:
     return interval_text(level, str(made[0].resampled), [row.n_scenes for row in made])
 
 
-def by_run(comparison: Comparison) -> dict[str, list[Row]]:
-    """Rows of each run that is compared with the first."""
-    return {side.name: [row for row in comparison.rows if row.of.run == side.name] for side in comparison.others}
-
-
-def _at_age(row: Row) -> str:
-    where = where_words(row)
-    return f", {where}" if where else ""
-
-
-def _named(row: Row, named: Sequence[str]) -> str:
-    """The statistic, and the condition where there are several."""
-    if "tracker" in named:
-        return f"{row.estimand.title} ({condition_words(row.of, named)})"
-    distinct = ", ".join(_distinct(row.of, named))
-    return f"{row.estimand.title} ({distinct})" if distinct else row.estimand.title
-
-
-def _signed(text: str, value: float) -> str:
-    return f"+{text}" if value > 0 else f"{MINUS}{text}" if value < 0 else text
-
-
-def _percent(value: float) -> str:
-    """To three digits, and no finer than a tenth."""
-    digits = f"{abs(value):.1f}" if abs(round(value, 1)) < 10 else f"{abs(value):.0f}"
-    return _signed(digits, 0.0 if float(digits) == 0 else value)
-
-
 _HEADINGS = ("statistic", "verdict", "change (interval)", "where", "scenes", "remark")
 _NUMERIC = (False, False, True, False, True, False)
 _GATE_HEADINGS = ("statistic", "outcome", "change (interval)", "tolerance", "why undecided")
 
 
-def verdict_cells(comparison: Comparison, run: str, rows: Sequence[Row]) -> list[Cells]:
-    """One table per condition: verdicts and effects of all statistics.
+def title_words(comparison: Comparison, *sides: RunSide) -> str:
+    """Which runs, or trackers, are compared with which."""
+    names = [comparison.names(side) for side in sides]
+    return f"{listing(second for _, second in names)} compared with {names[0][0]}"
+
+
+def verdict_cells(comparison: Comparison, side: RunSide) -> list[Cells]:
+    """One table per condition: verdicts and effects of all statistics of a run.
 
     Parameters
     ----------
     comparison
         The comparison.
-    run
-        Name of the run that is compared with the first.
-    rows
-        Its rows.
+    side
+        The run that is compared with the first.
     """
     tables = []
-    for condition, intervals, shown in _by_condition(rows, comparison.level):
-        title = f"{run} compared with {comparison.first.name}: {condition}"
-        common = _why_of_all(shown)
+    for condition, intervals, shown in _by_condition(comparison.rows_of(side), comparison.level):
+        title = ": ".join(filter(None, [title_words(comparison, side), condition]))
+        common = common_reason(shown)
         about = "; ".join(filter(None, [intervals, common]))
         cells = [[*_cells(row), "" if common else row.why or ""] for row in shown]
         tables.append(Cells(f"{title} ({about})" if about else title, _HEADINGS, cells, _NUMERIC))
@@ -230,21 +238,28 @@ def gate_cells(result: GateResult) -> Cells:
 
 
 def _condition(row: GateRow, named: Sequence[str]) -> str:
-    words = condition_words(row.of, named)
-    return f"{row.of.run}: {words}" if "run" in named else words
+    return ": ".join(filter(None, [row.of.run if "run" in named else "", condition_words(row.of, named)]))
 
 
 WIDTH = 300.0
 """Length of the line, px."""
-_INSET = 6.0
+_INSET = 10.0
 """Room for the marks at both ends, px."""
 _MOST_MARGINS = 20.0
-"""Changes of so many margins, and larger ones, lie at its ends."""
+"""Changes of so many margins lie at its ends, and larger ones are arrows there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A place on the line, px from its left end, and where the number lies if it is off the line."""
+
+    place: float
+    beyond: int  # -1 for further left, 1 for further right, 0 where the place is right
 
 
 @dataclass(frozen=True, slots=True)
 class Plot:
-    """Places on the line, px from its left end.
+    """What is drawn along the line.
 
     Attributes
     ----------
@@ -256,35 +271,37 @@ class Plot:
         Effects of single scenes, with their names.
     """
 
-    effect: float
-    low: float
-    high: float
+    effect: Mark
+    low: Mark
+    high: Mark
     inner: tuple[float, float]
-    scenes: tuple[tuple[str, float], ...]
+    scenes: tuple[tuple[str, Mark], ...]
 
 
 def plot_of(row: Row) -> Plot | None:
-    """Places of a row; None where it has no effect or no margin."""
-    if row.effect is None or row.low is None or row.high is None or row.margin is None:
+    """Places of a row; None where it has no effect, interval or margin."""
+    if row.effect is None or row.margin is None or (row.low is None and row.high is None):
         return None
-    low, high = sorted((_place(row, row.low), _place(row, row.high)))
-    scenes = tuple((name, _place(row, value)) for name, value in row.scenes.items())
-    return Plot(_place(row, row.effect), low, high, (_place_of(-1.0), _place_of(1.0)), scenes)
+    least = 0.0 if row.estimand.unit == Unit.ratio else -math.inf
+    ends = (least if row.low is None else row.low, math.inf if row.high is None else row.high)
+    low, high = sorted((_mark(row, row.margin, end) for end in ends), key=lambda mark: mark.place)
+    scenes = tuple((name, _mark(row, row.margin, value)) for name, value in row.scenes.items())
+    inner = (_mark_at(-1.0).place, _mark_at(1.0).place)
+    return Plot(_mark(row, row.margin, row.effect), low, high, inner, scenes)
 
 
-def _place(row: Row, value: float) -> float:
+def _mark(row: Row, margin: float, value: float) -> Mark:
     sign = -1.0 if row.estimand.larger_is_better else 1.0
-    assert row.margin is not None
     if row.estimand.unit == Unit.ratio:
-        return _place_of(sign * math.log(value) / math.log(row.margin))
-    return _place_of(sign * value / row.margin)
+        return _mark_at(sign * (math.log(value) / math.log(margin) if value > 0 else -math.inf))
+    return _mark_at(sign * value / margin)
 
 
-def _place_of(margins: float) -> float:
+def _mark_at(margins: float) -> Mark:
     """Place of a number of margins: the more of them, the closer they lie."""
     inside = max(-_MOST_MARGINS, min(_MOST_MARGINS, margins))
     share = math.copysign(math.log1p(abs(inside)) / math.log1p(_MOST_MARGINS), inside)
-    return round(WIDTH / 2 + (WIDTH / 2 - _INSET) * share, 1)
+    return Mark(round(WIDTH / 2 + (WIDTH / 2 - _INSET) * share, 1), (margins > inside) - (margins < inside))
 
 
 _SIGNS = re.compile(r"([\\`*_\[\]|~$])")
@@ -294,25 +311,24 @@ _NO_SPACE = "&#8203;"
 
 
 def comparison_markdown(comparison: Comparison) -> str:
-    """The answer, the gate, and one folded table per condition."""
+    """The outcome of the gate, conclusions, and one folded table per condition."""
     return "\n".join(_lines(comparison))
 
 
 def _lines(comparison: Comparison) -> Iterator[str]:
-    names = ", ".join(side.name for side in comparison.others)
-    yield f"## {_escaped(names)} compared with {_escaped(comparison.first.name)}"
-    yield ""
+    yield f"## {_escaped(title_words(comparison, *comparison.others))}"
     if comparison.gate is not None:
         outcome, *reasons = gate_sentences(comparison.gate)
-        yield f"**{outcome}**"
-        yield from (f"- {_escaped(reason)}" for reason in reasons)
-        yield from _table(gate_cells(comparison.gate))
+        yield from ("", f"**{outcome}**", *(f"- {_escaped(reason)}" for reason in reasons))
+    for sentence in comparison.conclusions:
+        yield from ("", f"**{_escaped(sentence)}**")
+    yield from [""] if comparison.gate is None else _table(gate_cells(comparison.gate))
     yield from (f"- {_escaped(doubt)}" for doubt in comparison.doubts)
-    for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True):
+    for side in comparison.others:
         if len(comparison.others) > 1:
             yield f"### {_escaped(side.name)}\n"
-        yield from (f"- {_escaped(sentence)}" for sentence in [*answers(rows), *clearest(rows)])
-        for cells in verdict_cells(comparison, side.name, rows):
+        yield from (f"- {_escaped(sentence)}" for sentence in change_sentences(comparison, side))
+        for cells in verdict_cells(comparison, side):
             yield from ("", "<details>", f"<summary>{_in_html(cells.caption)}</summary>")
             yield from _table(cells)
             yield "</details>"
@@ -355,12 +371,19 @@ _MOST_OPEN = 4
 def comparison_page(comparison: Comparison) -> str:
     """The page: the answer first, then every statistic with its interval, and what the runs differ in."""
     parts = [
-        (side, answers(rows), clearest(rows), _by_condition(rows, comparison.level))
-        for side, rows in zip(comparison.others, by_run(comparison).values(), strict=True)
+        (
+            comparison.names(side)[1] if len(comparison.others) > 1 else "What changed",
+            side.notes,
+            change_sentences(comparison, side),
+            _by_condition(comparison.rows_of(side), comparison.level),
+        )
+        for side in comparison.others
     ]
     gate = None if comparison.gate is None else (gate_sentences(comparison.gate), gate_cells(comparison.gate))
     return template("compare.html.j2").render(
         comparison=comparison,
+        title=title_words(comparison, *comparison.others),
+        first=comparison.names(comparison.others[0])[0],
         parts=parts,
         gate=gate,
         most_open=_MOST_OPEN,

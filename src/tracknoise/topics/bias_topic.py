@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import Estimand, RoleValues
+from tracknoise.analysis.estimand import Estimand, RoleValues, Wording
 from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.scene_values import SIGNED
@@ -282,6 +282,7 @@ BIAS = Topic(
             "bias",
             "Size of the mean error in u or v, mean over scenes, at the age (or frame) that changed most clearly.",
             RoleValues(SIGNED),
+            Wording("has a smaller mean error", "the mean error (bias) is"),
             Unit.px,
             of_errors=True,
         ),

@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues, Wording
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.analysis.time_structure import LONG_LIVED, TIME_STRUCTURE, lagged, time_structure
 from tracknoise.inference.estimates import Estimate
@@ -304,6 +304,7 @@ GROWTH = Topic(
             "Factor by which the second moment grows from the youngest to the oldest age, by a straight line through "
             f"logarithms: {OVER_SCENES} and both coordinates.",
             RoleValues("growth", axes=(Axis.age,)),
+            Wording("has errors that grow less", "squared errors grow", "more", "less", "much", is_secondary=True),
             of_errors=True,
         ),
     ),

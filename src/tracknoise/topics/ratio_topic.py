@@ -5,7 +5,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import Estimand, TableValues
+from tracknoise.analysis.estimand import FREQUENCY, Estimand, TableValues, Wording
 from tracknoise.analysis.paired_tests import Unit
 from tracknoise.analysis.ratio_intervals import (
     POINT_TRACKING_METRICS,
@@ -114,6 +114,7 @@ _METRICS = {
 def _of_ratio(name: str) -> Estimand:
     """Ratios of sums over features of each scene and age that has enough features."""
     quantity = QUANTITIES[name]
+    title, larger_is_better = quantity.title.lower(), quantity.better == Better.larger
 
     def numbers(sums: pl.DataFrame) -> pl.DataFrame:
         added = sums.filter(quantity=name).group_by("scene", "at", maintain_order=True).agg(pl.col("n", "sum").sum())
@@ -123,9 +124,10 @@ def _of_ratio(name: str) -> Estimand:
         name,
         f"{quantity.estimand} Untrimmed, mean over scenes and ages.",
         TableValues("ratio_sums", numbers, {"trimming": Trimming.untrimmed}, Axis.age),
+        Wording(f"has {'more' if larger_is_better else 'fewer'} {title}", f"{title} are", *FREQUENCY),
         Unit.ratio if quantity.compared == ComparedBy.ratio else Unit.share,
-        quantity.title.lower(),
-        larger_is_better=quantity.better == Better.larger,
+        title,
+        larger_is_better=larger_is_better,
         of_errors=True,
     )
 
@@ -138,7 +140,10 @@ def _of_metric(name: str) -> Estimand:
         return None if reported.is_empty() else reported.select("scene", value=column)
 
     values = TableValues("point_tracking", numbers, {"raster": "256x256"})
-    return Estimand(name, meaning, values, Unit.share, title, larger_is_better=True)
+    is_overall = column == "average_jaccard"
+    better = "is better for point tracking" if is_overall else f"has higher {title}"
+    wording = Wording(better, f"{title} is", "higher", "lower", "high", is_secondary=not is_overall)
+    return Estimand(name, meaning, values, wording, Unit.share, title, larger_is_better=True)
 
 
 RATIOS_OF_SUMS = Topic(

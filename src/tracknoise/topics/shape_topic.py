@@ -6,7 +6,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues
+from tracknoise.analysis.estimand import FREQUENCY, OVER_SCENES, Estimand, RoleValues, Wording
 from tracknoise.analysis.gaussianity import GAUSSIANITY, RADII, gaussianity
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.inference.estimates import Estimate
@@ -182,6 +182,7 @@ SHAPE = Topic(
             "Share of the errors of a scene that are larger than three cores of their age, all ages together: "
             f"{OVER_SCENES} and both coordinates.",
             RoleValues("tails"),
+            Wording("has lighter tails", "errors beyond three cores (tails) are", *FREQUENCY, is_secondary=True),
             of_errors=True,
         ),
     ),

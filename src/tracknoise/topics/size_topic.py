@@ -7,7 +7,7 @@ from typing import Any
 import polars as pl
 
 from tracknoise.analysis.error_shape import ON_GRID
-from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues
+from tracknoise.analysis.estimand import OVER_ALL, Estimand, RoleValues, Wording
 from tracknoise.inference.estimates import Estimate
 from tracknoise.statistics.definitions import NAMES, POOLED
 from tracknoise.tables.enumerations import Aspect, Population, Trimming, Weighting
@@ -290,6 +290,7 @@ SIZE = Topic(
             "core",
             f"Robust standard deviation of the errors of a scene: {OVER_ALL}.",
             RoleValues("core"),
+            Wording("has smaller typical errors", "typical errors (core) are"),
             called="core of the errors",
             of_errors=True,
         ),
@@ -297,6 +298,7 @@ SIZE = Topic(
             "second_moment",
             f"Second moment of all errors about zero, untrimmed: {OVER_ALL}.",
             RoleValues("second"),
+            Wording("has a smaller mean squared error", "the mean squared error (second moment) is"),
             of_errors=True,
         ),
     ),

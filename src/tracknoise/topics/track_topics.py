@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, RoleValues, TableValues
+from tracknoise.analysis.estimand import FREQUENCY, OVER_SCENES, Estimand, RoleValues, TableValues, Wording
 from tracknoise.analysis.lifetime_intervals import INCIDENCE, incidence_table
 from tracknoise.text import counted
 from tracknoise.topics.answer_summary import Measure
@@ -165,6 +165,7 @@ OUTLIERS_OF_TRACKERS = Topic(
             "outlier_ratio",
             f"Features rejected as outliers, divided by features offered: {OVER_SCENES}.",
             RoleValues("outlier_ratio", axes=(None,)),
+            Wording("has fewer outliers", "outliers are", *FREQUENCY),
         ),
     ),
 )
@@ -188,12 +189,14 @@ LIFETIMES_OF_TRACKS = Topic(
             "lifetime",
             f"Restricted mean lifetime to a horizon that all scenes reach in both runs: {OVER_SCENES}.",
             RoleValues("lifetime", axes=(None,)),
+            Wording("has longer tracks", "tracks live", "longer", "shorter", "long"),
             larger_is_better=True,
         ),
         Estimand(
             "feature_count",
             f"Mean number of features per frame: {OVER_SCENES}.",
             TableValues("frames", lambda frames: frames.group_by("scene").agg(value=pl.col("alive").mean())),
+            Wording("has more features", "the number of features is"),
             larger_is_better=True,
         ),
     ),

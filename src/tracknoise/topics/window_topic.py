@@ -7,7 +7,7 @@ from typing import Any
 
 import polars as pl
 
-from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues
+from tracknoise.analysis.estimand import OVER_SCENES, Estimand, TableValues, Wording
 from tracknoise.analysis.paired_tests import Family
 from tracknoise.analysis.run_inputs import RunInputs
 from tracknoise.estimators.exports import PURPOSES, estimator, short_tracks, windows_text
@@ -421,18 +421,26 @@ DEPTH_NOISE = Topic(
             "Consistent sigma, which makes depths of points right, of the longest windows up to 15 observations that "
             f"enough scenes of both runs have: {OVER_SCENES}.",
             replace(_of_windows("consistent_sigma"), paired=_at_the_reported_window, family=Family.sizes),
+            Wording("is better for depths", "sigma for depths is"),
             called="sigma for depths",
         ),
         Estimand(
             "residual_sigma",
             f"Residual core of windows of observations: {OVER_SCENES} and lengths of windows.",
             _of_windows("residual_core"),
+            Wording("has smaller residuals", "residuals are", is_secondary=True),
             called="residual core",
         ),
         Estimand(
             "overconfidence",
             f"Consistent sigma of windows, divided by their residual core: {OVER_SCENES} and lengths.",
             _of_windows("core_overconfidence"),
+            Wording(
+                "has less overconfident residuals",
+                "an estimator tuned to residuals is",
+                *("more overconfident", "less overconfident", "overconfident"),
+                is_secondary=True,
+            ),
         ),
     ),
 )

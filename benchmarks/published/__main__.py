@@ -38,7 +38,7 @@ def main() -> int:
     options = parser.parse_args()
     for name in () if options.page else options.rounds:
         measure(name, options.folder / name, options.data, options.results)
-    runs = [RunFolder(path) for path in sorted(options.folder.iterdir()) if (path / "manifest.json").exists()]
+    runs = [RunFolder(path) for path in sorted(options.folder.glob("*")) if (path / "manifest.json").exists()]
     PAGE.write_text(page(read_results(options.results), [truth_of(run) for run in runs]), encoding="utf-8")
     return 0
 

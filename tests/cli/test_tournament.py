@@ -8,6 +8,7 @@ from tests.lean import without_audit, without_depths, without_figure_files, with
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.plan import plan
+from tracknoise.report.results_file import Results, Round, results_json
 from tracknoise.trackers.tracker_registry import load_preset, preset_names
 
 EXPERIMENT = """
@@ -93,3 +94,50 @@ def test_a_step_of_a_tracker_with_more_to_do_costs_more(experiment):
     loaded = load_experiment(experiment)
     costs = step_costs(loaded, [task.key for task in plan(loaded)])
     assert costs["correspondence"] > 2 * costs["my-tracker"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_trackers_join_the_rounds_of_a_file_of_results(tracknoise, experiment, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first = [
+        "tournament",
+        str(experiment),
+        "--out",
+        "run",
+        "--trackers",
+        "my-tracker,oracle",
+        "--to",
+        "all.json",
+        "-w",
+        "1",
+    ]
+    code, out, err = tracknoise(*first)
+    assert code == 0, err
+    assert "mine: 1 scene, truth " in out
+    (tmp_path / "added.toml").write_text(EXPERIMENT.replace("my-tracker", "added").replace("frames = 4", "frames = 9"))
+    code, out, err = tracknoise("tournament", "--add", "added.toml", "--to", "all.json", "-w", "1")
+    assert code == 0, err
+    found = json.loads((tmp_path / "all.json").read_text())["rounds"]["mine"]
+    assert list(found["trackers"]) == ["my-tracker", "oracle", "added"]
+    assert {sequence["frames"] for sequence in found["sequences"].values()} == {"4"}  # those of the round
+    changed = (tmp_path / "all.json").read_text().replace('"numpy": "', '"numpy": "0.')
+    (tmp_path / "all.json").write_text(changed)
+    code, _, err = tracknoise("tournament", "--add", "added.toml", "--to", "all.json", "-w", "1")
+    assert code == 1
+    assert "round mine: version of numpy: found " in err
+    assert (tmp_path / "all.json").read_text() == changed
+
+
+def test_rounds_without_their_data_are_left_out(tracknoise, experiment, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    text = results_json(Results({"far": Round("", "kitti", {}, {}, {}, 0.1, "trusted", "")}))
+    (tmp_path / "all.json").write_text(text)
+    code, _, err = tracknoise("tournament", "--add", str(experiment), "--to", "all.json", "--data", str(tmp_path))
+    assert code == 2
+    assert "round far is left out: its data are kitti, expected in the folder of --data" in err
+
+
+def test_adding_needs_a_file_of_results(tracknoise, experiment):
+    code, _, err = tracknoise("tournament", "--add", str(experiment))
+    assert code == 1
+    assert "--add: found no --to, expected the file of results that trackers are added to" in err

@@ -36,7 +36,7 @@ FORMAT = 1
 _USABLE = (Trust.trusted, Trust.limited)
 _MOST_BYTES = 64 * MIB
 _LEFT_OUT = ("name", "trackers", "findings", "keep", "verify", "check")
-"""Settings that are those of whoever adds a tracker, or change no error."""
+"""Settings that the user chooses who adds a tracker, or that change no error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +75,7 @@ class Round:
     experiment, folder
         Settings without trackers, TOML; and the name of the folder of the data, empty where they are simulated.
     sequences
-        What must be the same for whoever adds a tracker, by sequence: frames, size of images, truth, hash of an image.
+        What must be the same where a tracker is added, by sequence: frames, size of images, truth, hash of an image.
     groups
         Number of the group of each scene.
     versions
@@ -274,8 +274,8 @@ class _Standing:
 def _standings(of: Round) -> list[_Standing]:
     """Trackers by best rank in the core, then by what to set.
 
-    Nobody is ranked where poses were refined by tracks, which may favour trackers that are like these, or where scenes
-    are too few.
+    There are no ranks where poses were refined by tracks, which may favour trackers that are like these, or where
+    scenes are too few.
     """
     group = np.array([*of.groups.values()], dtype=np.intp)
     are_stated = {facts["poses"] for facts in of.sequences.values()} == {STATED}

@@ -14,7 +14,7 @@ from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
 from tracknoise.text import printable
 from tracknoise.topics.answer_summary import NoiseToSet
-from tracknoise.words import px, sentence_case
+from tracknoise.words import px
 
 MOST_TRACKERS = 3
 _PLOT_WIDTH, _PLOT_HEIGHT = 560, 236
@@ -113,10 +113,8 @@ class AnswerPlot:
 
     @property
     def key(self) -> str:
-        """What stands under the heading: the windows, and what the lines are where their ends have names."""
-        if len(self.curves) < 2:
-            return f"{self.subject}."
-        return f"{sentence_case(self.windows)}. Solid: set; dashed: innovations."
+        """What stands under the heading: the tracker, or what the lines are where their ends have names."""
+        return f"{self.subject}." if len(self.curves) < 2 else "Solid: set; dashed: innovations."
 
 
 def answer_plot(
@@ -165,7 +163,7 @@ def _why(setting: NoiseToSet, landmark: Landmark) -> str:
         return ""
     if landmark in (Landmark.EXACT, Landmark.KNOWN):
         return "Its points are not fitted to the track: the whole error since the first position counts."
-    return "Errors that add up along a track look like another depth: the fit takes them, and innovations stay small."
+    return "Errors that add up along a track look like another depth, so innovations stay small."
 
 
 def _alike(first: float, second: float) -> bool:

@@ -212,7 +212,7 @@ def _page(
 def _intervals(data: ReportData) -> str:
     """What intervals of sigma are; empty where there are none."""
     levels = data["advice"]["level"].drop_nulls()
-    return "" if levels.is_empty() else f"Ranges are {intervals_at(levels[0])}."
+    return "" if levels.is_empty() else f"Ranges: {intervals_at(levels[0])}."
 
 
 def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:

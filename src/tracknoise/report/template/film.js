@@ -50,8 +50,7 @@ class Film {
     const colour = explored.colours[this.form.tracker.value];
     const shown = tracks.filter((track) => Number.isFinite(track.u[frame - track.frame]));
     shown.forEach((track) => this.track(context, track, frame - track.frame, scale, colour));
-    const known = shown.filter((track) => track.du[frame - track.frame] !== null).length;
-    this.canvas.parentElement.querySelector("output").textContent = `Frame ${frame}: ${shown.length} tracks, ${known} with truth.`;
+    this.canvas.parentElement.querySelector("output").textContent = `${shown.length} tracks.`;
     this.canvas.dataset.shown = `${this.form.tracker.value} ${frame}`;
   }
 

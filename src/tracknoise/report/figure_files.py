@@ -72,7 +72,7 @@ _THEMED = {
     style.FAINT: "var(--grid)",
     style.BLACK: "var(--ink)",
     "#9aa5b1": "var(--axis)",
-    "#ffffff": "var(--paper)",
+    style.PAPER: "var(--paper)",
     "#fff": "var(--paper)",
     "white": "var(--paper)",
     "black": "var(--ink)",

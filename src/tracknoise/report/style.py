@@ -6,7 +6,7 @@ from typing import Any
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000")
 """Okabe and Ito's colours, which people with any colour vision can distinguish."""
 INK, QUIET, FAINT = "#1b2430", "#5b6775", "#e3e7ec"
-BLACK = "#000000"
+BLACK, PAPER = "#000000", "#ffffff"
 ORDINAL = ("#380045", "#5f358c", "#8b59ed", "#62b3ea", "#086b63", "#6ca361", "#efab06", "#a76002", "#890d16")
 """Nine colours in the order of their hues, from violet to red. Any two differ for any colour vision."""
 MOST_SHADES = 4
@@ -60,7 +60,7 @@ def config() -> dict[str, Any]:
     text = {"labelFont": FONT, "titleFont": FONT, "labelFontSize": 12, "titleFontSize": 12, "titleFontWeight": 500}
     ink = {"labelColor": QUIET, "titleColor": INK}
     return {
-        "background": "#ffffff",
+        "background": PAPER,
         "font": FONT,
         "padding": 6,
         "axis": {**text, **ink, "gridColor": FAINT, "domainColor": "#9aa5b1", "tickColor": "#9aa5b1", "tickSize": 4},

@@ -130,10 +130,13 @@ def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str,
     colour = alt.Color("tracker:N", scale=marks.scale(colours), legend=None)
     base = alt.Chart(marks.rows(points), width=width, height=height)
     line = alt.Chart(marks.rows(front)).mark_line(interpolate="step-after", color="gray", strokeDash=[4, 3])
+    named = base.encode(x=x, y=alt.Y("label:Q", scale=upward), text="tracker:N")
+    name = {"align": "left", "dx": 8, "fontSize": 12}
     return layered(
         line.encode(x=x, y=y),
+        named.mark_text(**name, stroke=style.PAPER, strokeWidth=4, strokeJoin="round"),  # the line ends beside a name
         base.mark_circle(size=70).encode(x=x, y=y, color=colour, tooltip=["tracker:N", "ms:Q", "px:Q"]),
-        base.mark_text(align="left", dx=8, fontSize=12).encode(x=x, y=alt.Y("label:Q", scale=upward), text="tracker:N"),
+        named.mark_text(**name),
     )
 
 

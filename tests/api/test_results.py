@@ -6,8 +6,8 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, SUMMARY
-from tracknoise.tables.quantities import QUANTITIES
 from tracknoise.tables.main_columns import MAIN
+from tracknoise.tables.quantities import QUANTITIES
 from tracknoise.tables.result_rows import results_of, with_ids
 from tracknoise.tables.results import IDENTITY, RESULTS
 from tracknoise.tables.store import RunFolder

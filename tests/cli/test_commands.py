@@ -59,6 +59,20 @@ def test_every_option_has_one_clear_line():
 @pytest.mark.parametrize(
     ("words", "instead"),
     [
+        ("run --schema", "`docs/experiment.schema.json` in the repository"),
+        ("simulate -o x --scenes=2", "`--option worlds=N`"),
+        ("replicate --data /data --models /models", "`--data FOLDER`"),
+    ],
+)
+def test_an_old_option_is_one_line_that_names_the_new_one(tracknoise, words, instead):
+    code, out, err = tracknoise(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.endswith(f"is no option any more; expected {instead}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "instead"),
+    [
         ("audit runs/x", "`tracknoise check RUN`"),
         ("findings runs/x --all", "`tracknoise report RUN --text`"),
         ("noise", "`tracknoise export RUN --to NAME`"),
@@ -84,7 +98,7 @@ def test_the_help_of_run_names_the_presets(tracknoise):
 
 
 @pytest.mark.parametrize("buffered", [True, False])
-@pytest.mark.parametrize("arguments", [["--version"], ["run", "--schema"]])
+@pytest.mark.parametrize("arguments", [["--version"], ["datasets"]])
 def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     environment = kept if buffered else {**kept, "PYTHONUNBUFFERED": "1"}

@@ -306,6 +306,8 @@ def test_frames_speeds_and_trackers_are_chosen_on_the_command_line(tracknoise, t
         (["run", "x.toml", "--workers", "many"], "--workers many: expected a whole number from 1"),
         (["simulate", "--out", "x", "--frames", "few"], "--frames few: expected a whole number from 1"),
         (["report", "x", "--text", "--figures"], "--figures: found a report that is printed"),
+        (["report", "x", "--json", "--video", "x.gif"], "--video: found a report that is printed"),
+        (["report", "x", "--video", "x.avi"], "--video x.avi: found a name that ends in '.avi', expected .gif or .mp4"),
         (["run", "demo", "--option", "wrlds=2"], "wrlds"),
         (["run", "demo", "--frames", "few"], "--frames few: expected a number from 2, or FIRST:LAST"),
         (["run", "demo", "--frames", "1"], "--frames 1: expected at least 2"),

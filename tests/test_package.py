@@ -29,6 +29,17 @@ def test_the_signature_of_measure_can_be_read():
     assert repr(tracknoise.Corrections(k1=0.1)) == "Corrections(k1=0.1)"
 
 
+def test_parameters_of_public_functions_are_named_and_typed():
+    """So that editors complete them; those behind ``**`` are completed by few."""
+    public = [getattr(tracknoise, name) for name in tracknoise.__all__]
+    choosing = [getattr(tracknoise.Run, name) for name in ("results", "intervals", "observations", "tracks", "track")]
+    for function in (*filter(inspect.isfunction, public), *choosing):
+        parameters = inspect.signature(function).parameters
+        untyped = [name for name, parameter in parameters.items() if parameter.annotation is inspect.Parameter.empty]
+        assert untyped == ["self"] * (function in choosing), function.__qualname__
+        assert {"tracker", "speed"} <= {*parameters} or function not in choosing, function.__qualname__
+
+
 def test_importing_loads_nothing_heavy():
     code = "import sys, tracknoise; print(sorted({'numpy', 'cv2', 'polars', 'altair', 'dask'} & set(sys.modules)))"
     finished = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

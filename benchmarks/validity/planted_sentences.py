@@ -185,7 +185,7 @@ def main() -> None:
 
 def _count(run: Any, worlds: Mapping[str, World], counts: Counter[tuple[str, str, str]], *, show: bool) -> None:
     """Add the rows of all findings of a run."""
-    results = {row["id"]: row for row in run.results().to_dicts()}
+    results = {row["id"]: row for row in run.results(columns="all").to_dicts()}
     for finding in run.findings().to_dicts():
         for row in (results[one] for one in dict.fromkeys(finding["rows"]) if one in results):
             key = (finding["topic"], str(row["quantity"]))

@@ -6,6 +6,7 @@ import pytest
 import tracknoise as tn
 from tracknoise.exceptions import UnknownNameError
 from tracknoise.tables.findings_schema import CORES, CURVES, FINDINGS, SUMMARY
+from tracknoise.tables.main_columns import MAIN
 from tracknoise.tables.quantities import QUANTITIES
 from tracknoise.tables.result_rows import results_of, with_ids
 from tracknoise.tables.results import IDENTITY, RESULTS
@@ -103,6 +104,29 @@ def test_results_and_findings_are_chosen_by_name(run: tn.Run, folder: RunFolder)
         run.results(quantity="sigmas")
     with pytest.raises(UnknownNameError, match="unknown tracker 'nobody'"):
         run.findings(tracker="nobody")
+
+
+def test_results_have_twelve_columns_in_which_no_two_rows_are_alike(run: tn.Run) -> None:
+    results, every = run.results(), run.results(columns="all")
+    assert results.columns == list(MAIN)
+    assert len(MAIN) == 12
+    assert results.select("quantity", "tracker", "speed", "what").is_unique().all()
+    assert every.columns == list(RESULTS)
+    shared = [name for name in MAIN if name != "what"]
+    assert results.select(shared).equals(every.select(shared))
+    with pytest.raises(UnknownNameError, match="unknown choice of columns 'few'"):
+        run.results(columns="few")
+
+
+def test_a_row_says_in_words_what_the_others_of_its_quantity_are_not(run: tn.Run) -> None:
+    every = run.results(columns="all", quantity="core")
+    age = every["at"].drop_nulls()[0]
+    rows = run.results(quantity="core", at=age)
+    for column in ("coordinate", "trimming"):
+        if every[column].n_unique() > 1:
+            assert {*rows["what"].str.split(", ").explode()} >= {*map(str, every.filter(at=age)[column].drop_nulls())}
+    assert rows["what"].str.starts_with(f"age {age}, ").all()
+    assert run.results(quantity="core", at=...).equals(run.results(quantity="core"))
 
 
 def test_a_quantity_is_declared_once() -> None:

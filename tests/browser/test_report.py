@@ -1,10 +1,8 @@
 """The report in a browser: it fits the window, loads nothing, and its controls and links work."""
 
 import base64
-import dataclasses
 import json
 import re
-import shutil
 from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
@@ -13,15 +11,14 @@ import numpy as np
 import polars as pl
 import pytest
 from tests.browser.chromium import Page
+from tests.report.runs import filmed as filmed_copy
 
 from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.run_models import run_models
 from tracknoise.report.glossary import TERMS
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
-from tracknoise.sequences.images import encode_webp
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.schema import FILM
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import px
 
@@ -40,16 +37,7 @@ TOO_WIDE = """[...document.querySelectorAll('table, figure, .chart, .scroll, pre
 @pytest.fixture(scope="module")
 def filmed(run: RunFolder, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The report of the run with the images of its first frames."""
-    copied = RunFolder(shutil.copytree(run.path, tmp_path_factory.mktemp("filmed") / "run"))
-    manifest = copied.manifest()
-    key, entry = sorted(manifest.sequences.items())[0]
-    image = encode_webp(np.full((entry.height, entry.width), 90, np.uint8), quality=60)
-    table = pl.DataFrame({"frame": range(6), "image": [image] * 6}, schema=dict(FILM))
-    tables = {name: copied.sequence_table(name, key) for name in entry.sha256 if name != "snapshots"} | {"film": table}
-    hashes = copied.write_sequence(key, tables, copied.snapshot(key))
-    manifest.sequences[key] = dataclasses.replace(entry, sha256=hashes)
-    copied.write_manifest(manifest)
-    return write_report(copied)
+    return write_report(filmed_copy(run, tmp_path_factory.mktemp("filmed") / "run"))
 
 
 @pytest.fixture(scope="module")

@@ -59,6 +59,20 @@ def test_every_option_has_one_clear_line():
 @pytest.mark.parametrize(
     ("words", "instead"),
     [
+        ("run --schema", "`docs/experiment.schema.json` in the repository"),
+        ("simulate -o x --scenes=2", "`--option worlds=N`"),
+        ("replicate --data /data --models /models", "`--data FOLDER`"),
+    ],
+)
+def test_an_old_option_is_one_line_that_names_the_new_one(tracknoise, words, instead):
+    code, out, err = tracknoise(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err.endswith(f"is no option any more; expected {instead}\n")
+
+
+@pytest.mark.parametrize(
+    ("words", "instead"),
+    [
         ("audit runs/x", "`tracknoise check RUN`"),
         ("findings runs/x --all", "`tracknoise report RUN --text`"),
         ("noise", "`tracknoise export RUN --to NAME`"),
@@ -84,7 +98,7 @@ def test_the_help_of_run_names_the_presets(tracknoise):
 
 
 @pytest.mark.parametrize("buffered", [True, False])
-@pytest.mark.parametrize("arguments", [["--version"], ["run", "--schema"]])
+@pytest.mark.parametrize("arguments", [["--version"], ["datasets"]])
 def test_results_that_cannot_be_written_are_one_line(arguments, buffered):
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
     environment = kept if buffered else {**kept, "PYTHONUNBUFFERED": "1"}
@@ -292,6 +306,8 @@ def test_frames_speeds_and_trackers_are_chosen_on_the_command_line(tracknoise, t
         (["run", "x.toml", "--workers", "many"], "--workers many: expected a whole number from 1"),
         (["simulate", "--out", "x", "--frames", "few"], "--frames few: expected a whole number from 1"),
         (["report", "x", "--text", "--figures"], "--figures: found a report that is printed"),
+        (["report", "x", "--json", "--video", "x.gif"], "--video: found a report that is printed"),
+        (["report", "x", "--video", "x.avi"], "--video x.avi: found a name that ends in '.avi', expected .gif or .mp4"),
         (["run", "demo", "--option", "wrlds=2"], "wrlds"),
         (["run", "demo", "--frames", "few"], "--frames few: expected a number from 2, or FIRST:LAST"),
         (["run", "demo", "--frames", "1"], "--frames 1: expected at least 2"),

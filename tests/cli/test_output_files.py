@@ -35,6 +35,7 @@ COMPARE = "compare run run "
         (COMPARE + "-o pipe.html", "--out pipe.html: found no regular file, expected a file to write"),
         (COMPARE + "-o m.noise.json", "found a file of another kind, expected a new file or an earlier JSON"),
         (COMPARE + "-o other.md", "found a file of another kind, expected a new file or earlier Markdown"),
+        ("report run --video run/report/a.gif", "--video run/report/a.gif: found a place in the run {}/run"),
         ("export run --to text --model run/a.noise.json", "--model run/a.noise.json: found a place in the run"),
         ("export run --to csv --tracks g.toml --model g.toml", "--model g.toml: found an input of this command"),
     ],

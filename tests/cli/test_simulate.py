@@ -19,7 +19,7 @@ def simulate(tracknoise, tmp_path):
 
 def test_several_scenes_go_into_folders_of_their_own(simulate):
     small = ["--frames", "2", *of_reader("width=64", "height=48", "supersampling=1")]
-    code, printed, err, out = simulate("--scenes", "2", "--motion", "forward", *small)
+    code, printed, err, out = simulate("--option", "worlds=2", "--motion", "forward", *small)
     assert (code, err) == (0, "")
     assert "wrote 4 frames" in printed
     assert [item.scene for item in make_reader("folder", out).sequences()] == ["forward-00", "forward-01"]
@@ -104,13 +104,14 @@ def test_one_frame_has_no_inertial_readings(simulate):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--layout", "dtu", "--motion", "forward"], "layout dtu has no --motion; it has noise_sigma, shadows, seed"),
+        (["--layout", "dtu", "--motion", "forward"], "layout dtu has no --motion; it has worlds, noise_sigma, shadows"),
         (["--layout", "dtu", "--option", "world_file=x"], "unknown option of layout dtu 'world_file'"),
         (["--option", "image_format=bmp"], "reader 'simulated': image_format: unknown setting"),
         (
             ["--layout", "dtu", "--option", "image_format=jpg"],
             "--option image_format: found 'jpg'",
         ),
+        (["--layout", "dtu", "--option", "worlds=0"], "--option worlds: found 0, expected at least 1"),
         (["--layout", "dtu", "--option", "width=65"], "--option width, height: found an odd number"),
         (["--layout", "dtu", "--option", "width=wide"], "--option width: found 'wide', expected a value such as 1600"),
         (["--motion", "flying"], "unknown motion 'flying'"),

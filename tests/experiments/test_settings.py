@@ -298,7 +298,8 @@ def test_bytes_that_are_no_text_are_found_by_their_line(tmp_path):
 def test_the_documented_schema_is_that_of_the_program():
     documented = Path(__file__).parents[2] / "docs" / "experiment.schema.json"
     assert documented.read_text() == experiment_schema(), (
-        "renew it: tracknoise run --schema > docs/experiment.schema.json"
+        "renew it: python -c 'from tracknoise.experiments.settings import experiment_schema; "
+        'print(experiment_schema(), end="")\' > docs/experiment.schema.json'
     )
 
 

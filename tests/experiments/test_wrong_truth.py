@@ -75,7 +75,7 @@ def test_the_growth_of_white_pose_errors_is_flat(runs):
 def test_numbers_that_rest_on_a_truth_that_is_not_trusted_say_so(runs):
     for run in runs.values():
         assert not run.truth.is_usable  # nothing is known of the accuracy of arrays
-        results = run.results()
+        results = run.results(columns="all")
         marked = results["caveats"].cast(pl.List(pl.String)).list.contains("truth not trusted")
         assert results.filter(marked, quantity="mean_error").height == results.filter(quantity="mean_error").height > 0
         assert results.filter(marked, topic="tracks").is_empty()

@@ -47,9 +47,16 @@ def test_limits_are_those_of_the_experiment() -> None:
     assert (dataset.max_scenes, dataset.max_frames) == (2, 7)
 
 
-def test_models_go_to_worlds_that_hold_them(tmp_path: Path) -> None:
-    with_models = load_candidate(LINEAR, Limits(models=tmp_path))
-    assert with_models.dataset.options["models"] == str(tmp_path)
+def test_models_in_a_folder_within_go_to_simulated_worlds(tmp_path: Path) -> None:
+    (tmp_path / "gazebo" / "oak").mkdir(parents=True)
+    *_, without = candidates([tmp_path])
+    assert (without.root, without.found) == (None, "Simulated; no data are needed.")
+    (tmp_path / "gazebo" / "oak" / "model.config").touch()
+    _, kitti, linear, _ = candidates([tmp_path])
+    assert linear.found == f"Simulated, of the Gazebo models in {tmp_path / 'gazebo'}."
+    dataset = load_candidate(linear, Limits()).dataset
+    assert (dataset.root, dataset.options["models"]) == (None, str(tmp_path / "gazebo"))
+    assert not kitti.possible
 
 
 def test_variants_try_every_way_to_reject_outliers_on_one_scene_seen_plainly() -> None:

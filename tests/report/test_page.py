@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import polars as pl
 import pytest
+from tests.report.runs import filmed
 
 from tracknoise.exceptions import StoreError, UnknownNameError
 from tracknoise.report import measured
@@ -22,7 +23,6 @@ from tracknoise.report.filmed_scene import filmed_scene
 from tracknoise.report.measured import truth_was_read
 from tracknoise.report.page import write_report
 from tracknoise.report.report_data import ReportData
-from tracknoise.tables.schema import FILM, empty
 from tracknoise.tables.store import RunFolder
 from tracknoise.tables.trust import TruthVerdict
 from tracknoise.topics.sentences import sentences_of
@@ -269,13 +269,8 @@ def test_a_report_that_cannot_be_written_is_one_line(own_run: RunFolder) -> None
 
 
 def test_a_film_without_images_is_left_out(own_run: RunFolder) -> None:
-    manifest = own_run.manifest()
-    ((key, entry),) = manifest.sequences.items()
-    tables = {name: own_run.sequence_table(name, key) for name in entry.sha256 if name != "snapshots"}
-    hashes = own_run.write_sequence(key, {**tables, "film": empty(FILM)}, own_run.snapshot(key))
-    manifest.sequences[key] = replace(entry, sha256=hashes)
-    own_run.write_manifest(manifest)
-    assert filmed_scene(ReportData.of(own_run)) is None
+    copy = filmed(own_run, own_run.path.with_name("filmed"), n_frames=0)
+    assert filmed_scene(ReportData.of(copy)) is None
 
 
 def test_the_page_does_not_name_the_folders_of_the_machine(own_run: RunFolder) -> None:

@@ -7,13 +7,15 @@ from collections.abc import Collection, Iterable, Mapping
 from functools import cached_property
 from numbers import Real
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, Unpack
+from types import EllipsisType
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, TypedDict, Unpack, get_args
 
 import polars as pl
 
 from tracknoise.checks import path_of, require, require_whole
 from tracknoise.exceptions import DataError, SettingsError, StoreError, UnknownNameError
 from tracknoise.tables.findings_schema import INTERVALS, OUTLIERS, SUMMARY
+from tracknoise.tables.main_columns import main_columns
 from tracknoise.tables.schema import ORIGIN, SEQUENCE, Schema, joined
 from tracknoise.tables.store import SEQUENCE_TABLES, RunFolder
 from tracknoise.tables.trust import TruthVerdict
@@ -27,57 +29,41 @@ if TYPE_CHECKING:
     from tracknoise.report.charts import Chart, Charts
 
 
-Names: TypeAlias = str | Collection[str]
-Numbers: TypeAlias = int | Collection[int]
+Names: TypeAlias = str | Collection[str] | EllipsisType
+"""One name or several; ``...`` for all."""
+Numbers: TypeAlias = int | Collection[int] | EllipsisType
+"""One whole number or several; ``...`` for all."""
 Wanted: TypeAlias = str | float | Collection[str | float | None] | None
 """One value, or several; None means a missing value."""
+Columns: TypeAlias = Literal["main", "all"]
+"""Which columns of results are returned."""
 
 
-class ConditionColumns(TypedDict, total=False):
-    """Columns of a condition; a column that is not given is not restricted."""
+class ViewColumns(TypedDict, total=False):
+    """Columns by which views of a scene are chosen; a column that is not given is not restricted."""
 
     lighting: Names
     rotation: Numbers
     direction: Names
+
+
+class IntervalColumns(ViewColumns, total=False):
+    """Further columns of the table of intervals: see `tracknoise.tables.findings_schema.INTERVALS`."""
+
     camera: Names
-    tracker: Names
-    speed: Numbers
-
-
-class OriginColumns(ConditionColumns, total=False):
-    """Columns of a condition and its sequences."""
-
-    scene: Names
-    camera: Names
-
-
-class IntervalColumns(ConditionColumns, total=False):
-    """Columns of the table of intervals by which rows are chosen: see `tracknoise.tables.findings_schema.INTERVALS`."""
-
-    statistic: Names
     aspect: Names
-    population: Names | None
-    trimming: Names | None
-    weighting: Names | None
     axis: Names | None
-    at: Numbers | None
-    coordinate: Names | None
 
 
-class ResultColumns(ConditionColumns, total=False):
-    """Columns of the table of results by which rows are chosen: see `tracknoise.tables.results.IDENTITY`."""
+class ResultColumns(ViewColumns, total=False):
+    """Further columns of the table of results: see `tracknoise.tables.results.IDENTITY`."""
 
     id: Names
-    quantity: Names
     topic: Names
+    camera: Names
     factor: Names | None
-    axis: Names | None
-    at: Numbers | None
-    coordinate: Names | None
     part: Names | None
     aspect: Names | None
-    population: Names | None
-    trimming: Names | None
     weighting: Names | None
 
 
@@ -273,23 +259,38 @@ class Run:
         """List the sequences that could not be measured, with the cause; no result includes them."""
         return pl.DataFrame(sorted(self._folder.manifest().failures.items()), schema=dict(FAILURES), orient="row")
 
-    def results(self, **wanted: Unpack[ResultColumns]) -> pl.DataFrame:
+    def results(
+        self,
+        *,
+        quantity: Names = ...,
+        tracker: Names = ...,
+        speed: Numbers = ...,
+        axis: Names | None = ...,
+        at: Numbers | None = ...,
+        coordinate: Names | None = ...,
+        population: Names | None = ...,
+        trimming: Names | None = ...,
+        columns: Columns = "main",
+        **others: Unpack[ResultColumns],
+    ) -> pl.DataFrame:
         """Return the table of results: one row per number, with its interval and what it is of.
 
         For example ``run.results(quantity="sigma", tracker="lucas-kanade")``.
 
         Parameters
         ----------
-        **wanted
-            Only rows that have these values: quantity, topic, factor, axis, at, coordinate, part, aspect, population,
-            trimming, weighting, id, tracker, speed, lighting, rotation, direction, camera.
-            Each is one value or several.
+        quantity, tracker, speed, axis, at, coordinate, population, trimming
+            Only rows that have these values: one value or several, None for a missing value.
+        columns
+            "main": the twelve of `tracknoise.tables.main_columns.MAIN`, in which no two rows are alike. "all": those of
+            `tracknoise.tables.results.RESULTS`.
+        **others
+            As the first: factor, part, aspect, weighting, topic, id, lighting, rotation, direction, camera.
 
         Returns
         -------
         polars.DataFrame
-            Columns are those of `tracknoise.tables.results.RESULTS`; quantities are described in
-            `tracknoise.topics.catalogue.EVERY_QUANTITY`.
+            Quantities are described in `tracknoise.topics.catalogue.EVERY_QUANTITY`.
 
         Raises
         ------
@@ -298,7 +299,22 @@ class Run:
         StoreError
             If an earlier version made the run.
         """
-        return select(run_results(self._folder), wanted)
+        if columns not in get_args(Columns):
+            raise UnknownNameError("choice of columns", columns, get_args(Columns))
+        wanted = _given(
+            quantity=quantity,
+            tracker=tracker,
+            speed=speed,
+            axis=axis,
+            at=at,
+            coordinate=coordinate,
+            population=population,
+            trimming=trimming,
+            **others,
+        )
+        results = run_results(self._folder)
+        rows = select(results, wanted)
+        return main_columns(rows, results) if columns == "main" else rows
 
     def findings(self, tracker: str | None = None) -> pl.DataFrame:
         """Return the findings, the most important first.
@@ -377,14 +393,27 @@ class Run:
 
         return audit_sentences(AuditTables.of_run(self._folder).audit)
 
-    def intervals(self, **wanted: Unpack[IntervalColumns]) -> pl.DataFrame:
+    def intervals(
+        self,
+        *,
+        statistic: Names = ...,
+        tracker: Names = ...,
+        speed: Numbers = ...,
+        at: Numbers | None = ...,
+        coordinate: Names | None = ...,
+        population: Names | None = ...,
+        trimming: Names | None = ...,
+        weighting: Names | None = ...,
+        **others: Unpack[IntervalColumns],
+    ) -> pl.DataFrame:
         """Return the intervals of all numbers that have one.
 
         Parameters
         ----------
-        **wanted
-            Only rows that have these values: statistic, aspect, population, trimming, weighting, axis, at, coordinate,
-            tracker, speed, lighting, rotation, direction, camera. Each is one value or several.
+        statistic, tracker, speed, at, coordinate, population, trimming, weighting
+            Only rows that have these values: one value or several, None for a missing value.
+        **others
+            As the first: aspect, axis, lighting, rotation, direction, camera.
 
         Returns
         -------
@@ -396,6 +425,17 @@ class Run:
         UnknownNameError
             If a name is not among those of the run.
         """
+        wanted = _given(
+            statistic=statistic,
+            tracker=tracker,
+            speed=speed,
+            at=at,
+            coordinate=coordinate,
+            population=population,
+            trimming=trimming,
+            weighting=weighting,
+            **others,
+        )
         return select(self._folder.statistics(INTERVALS), wanted)
 
     def figures(self) -> pl.DataFrame:
@@ -463,14 +503,23 @@ class Run:
             return select(self._folder.statistics(RUN_TABLES[name]), wanted)
         return self._of_sequences(name, wanted)
 
-    def observations(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+    def observations(
+        self,
+        *,
+        scene: Names = ...,
+        tracker: Names = ...,
+        speed: Numbers = ...,
+        camera: Names = ...,
+        **views: Unpack[ViewColumns],
+    ) -> pl.DataFrame:
         """Return single observations with their errors.
 
         Parameters
         ----------
-        **wanted
-            Only these: scene, lighting, rotation, direction, camera, tracker, speed. Each is one value or several.
-            Only the files of the chosen sequences are read.
+        scene, tracker, speed, camera
+            Only these: one value or several. Only the files of the chosen sequences are read.
+        **views
+            As the first: lighting, rotation, direction.
 
         Returns
         -------
@@ -485,14 +534,24 @@ class Run:
         StoreError, SchemaError
             If a file is missing or damaged, or the run keeps statistics alone.
         """
-        return self._of_sequences("observations", wanted)
+        return self._of_sequences(
+            "observations", _given(scene=scene, tracker=tracker, speed=speed, camera=camera, **views)
+        )
 
-    def tracks(self, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+    def tracks(
+        self,
+        *,
+        scene: Names = ...,
+        tracker: Names = ...,
+        speed: Numbers = ...,
+        camera: Names = ...,
+        **views: Unpack[ViewColumns],
+    ) -> pl.DataFrame:
         """Return tracks: where each began, how long it lived, why it ended, and its largest error.
 
         Parameters
         ----------
-        **wanted
+        scene, tracker, speed, camera, **views
             As for `observations`.
 
         Returns
@@ -505,16 +564,25 @@ class Run:
         UnknownNameError, StoreError, SchemaError
             As for `observations`.
         """
-        return self._of_sequences("tracks", wanted)
+        return self._of_sequences("tracks", _given(scene=scene, tracker=tracker, speed=speed, camera=camera, **views))
 
-    def track(self, track: int, **wanted: Unpack[OriginColumns]) -> pl.DataFrame:
+    def track(
+        self,
+        track: int,
+        *,
+        scene: Names = ...,
+        tracker: Names = ...,
+        speed: Numbers = ...,
+        camera: Names = ...,
+        **views: Unpack[ViewColumns],
+    ) -> pl.DataFrame:
         """Return the observations of one track in the order of its frames.
 
         Parameters
         ----------
         track
             Its number.
-        **wanted
+        scene, tracker, speed, camera, **views
             As for `observations`; together they must name one sequence, tracker and speed.
 
         Returns
@@ -532,8 +600,9 @@ class Run:
             As for `observations`.
         """
         require_whole("track", track)
+        wanted = _given(scene=scene, tracker=tracker, speed=speed, camera=camera, **views)
         _require_one(self._chosen(wanted), _IDENTITY, track=track)
-        observations = self.observations(**wanted)
+        observations = self._of_sequences("observations", wanted)
         _require_one(observations, _CONDITION, track=track)
         rows = observations.filter(pl.col("track") == track).sort("frame")
         if rows.is_empty():
@@ -565,6 +634,11 @@ class Run:
         from tracknoise.report.report_data import ReportData
 
         return Charts(ReportData.of(self._folder))
+
+
+def _given(**wanted: Any) -> dict[str, Any]:
+    """What is restricted, by column."""
+    return {column: value for column, value in wanted.items() if value is not ...}
 
 
 def _part(wanted: Mapping[str, Any], columns: Collection[str]) -> dict[str, Any]:

@@ -40,15 +40,12 @@ def replicate(
             "--data",
             "-d",
             metavar="FOLDER",
-            help="Folder that is, or contains, DTU Point Features or KITTI; repeatable.",
+            help="Folder that is, or contains, DTU Point Features, KITTI or Gazebo models; repeatable.",
         ),
     ] = None,
     out: Annotated[Path, text("--out", "-o", metavar="FOLDER", help="Folder for the runs.")] = Path("runs/replication"),
     scenes: ScenesOption = None,
     frames: FramesOption = None,
-    models: Annotated[
-        Path | None, text("--models", metavar="FOLDER", help="Gazebo models, for the simulated worlds.")
-    ] = None,
     workers: WorkersOption = None,
     fresh: FreshOption = False,
     quiet: QuietOption = False,
@@ -56,9 +53,10 @@ def replicate(
 ) -> int:
     """Repeat the paper's experiments and compare the results with the paper's tables.
 
-    The two Gazebo experiments are simulated. DTU Point Features and KITTI are measured if `--data` has them. For each
-    experiment, the first scene is also run with other outlier rejections. Every claim of the paper is judged with
-    untrimmed errors, and with two readings of its trimming. An interrupted replication resumes.
+    The two Gazebo experiments are simulated, of Gazebo models if `--data` has some. DTU Point Features and KITTI are
+    measured if it has them. For each experiment, the first scene is also run with other outlier rejections. Every claim
+    of the paper is judged with untrimmed errors, and with two readings of its trimming. An interrupted replication
+    resumes.
 
     Example: `tracknoise replicate --data /data --scenes 2 --frames 60`
     """
@@ -72,7 +70,7 @@ def replicate(
     for candidate in offered:
         context.obj.say(f"{candidate.preset}: {candidate.found}")
     runs = _Runs(context.obj, out, processes(workers), fresh=fresh)
-    replicated = [_repeat(candidate, runs, Limits(scenes, parse_frames(frames), models)) for candidate in offered]
+    replicated = [_repeat(candidate, runs, Limits(scenes, parse_frames(frames))) for candidate in offered]
     if not any(item.run for item in replicated):
         context.obj.error("none of the paper's experiments could be measured")
         return 1

@@ -22,18 +22,9 @@ from tracknoise.cli.shared_options import (
     processes,
     text,
 )
-from tracknoise.cli.terminal import write_result
 from tracknoise.sequences.frame_range import parse_numbers
 
 _PRESETS = "demo, dtu, effects, gazebo-arvr, gazebo-linear, kitti, tournament"
-
-
-def _print_schema(asked: bool) -> None:
-    if asked:
-        from tracknoise.experiments.settings import experiment_schema
-
-        write_result(experiment_schema())
-        raise typer.Exit
 
 
 def run(
@@ -66,12 +57,6 @@ def run(
         bool, flag("--quick", help="A first answer in about a minute, from five clips of 60 frames; no report.")
     ] = False,
     report: Annotated[bool, flag("--report/--no-report", help="Write the report.")] = True,
-    schema: Annotated[
-        bool,
-        typer.Option(
-            "--schema", help="Print the JSON Schema of experiment files.", callback=_print_schema, is_eager=True
-        ),
-    ] = False,
     quiet: QuietOption = False,
     debug: DebugOption = False,
 ) -> int:

@@ -37,6 +37,7 @@ _MOVING: Mapping[Layout, Mapping[str, Any]] = {
 }
 """Options of the reader ``simulated`` that are not its defaults, for the layouts of a moving camera."""
 _STAGE: Mapping[str, Any] = {
+    "worlds": 1,
     "noise_sigma": 2.0,
     "shadows": False,
     "seed": 0,
@@ -45,7 +46,7 @@ _STAGE: Mapping[str, Any] = {
     "supersampling": 1,
     "image_format": "png",
 }
-"""Options of the light stage, with their defaults."""
+"""Options of the layout of the light stage, with their defaults."""
 
 
 def simulate(
@@ -54,7 +55,6 @@ def simulate(
     layout: Annotated[
         Layout, text("--layout", metavar="|".join(Layout), help="Layout of the files; see docs/formats.md.")
     ] = Layout.folder,
-    scenes: Annotated[int | None, whole("--scenes", help="Scenes, each with its own world (default: 1).")] = None,
     motion: Annotated[
         str | None, text("--motion", metavar="NAME", help="Camera motion: sideways, forward, ... Not for dtu.")
     ] = None,
@@ -72,8 +72,8 @@ def simulate(
     noise, poses, velocities and biases, for filters. `dtu`: a light stage with 19 LEDs and a scan. `kitti`: a drive
     with a lidar. See docs/data.md, docs/formats.md and docs/paper.md.
 
-    Options are those of `tracknoise datasets simulated`. Layout dtu has noise_sigma, shadows, seed, width, height,
-    supersampling and image_format (png or bmp).
+    Options are those of `tracknoise datasets simulated`, such as worlds: scenes, each with its own world. Layout dtu
+    has worlds, noise_sigma, shadows, seed, width, height, supersampling and image_format (png or bmp).
 
     Examples: `tracknoise simulate --motion forward --frames 100 --out data/forward`,
     `tracknoise simulate --layout euroc --option world=objects --motion linear --frames 300 --out data/flight`
@@ -83,16 +83,16 @@ def simulate(
         for name, given in {"--motion": motion, "--frames": frames}.items():
             if given is not None:
                 raise SettingsError(f"layout {layout} has no {name}; it has {', '.join(_STAGE)}")
-        written = _write_stages(context.obj, out, scenes or 1, options)
+        written = _write_stages(context.obj, out, options)
     else:
-        named = {"motions": None if motion is None else [motion], "worlds": scenes, "frames": frames}
+        named = {"motions": None if motion is None else [motion], "frames": frames}
         options = {**_MOVING[layout], **options, **{name: value for name, value in named.items() if value is not None}}
         written = _write_sequences(context.obj, layout, out, options)
     context.obj.result(f"wrote {written} to {out}")
     return 0
 
 
-def _write_stages(terminal: Terminal, out: Path, scenes: int, given: Mapping[str, object]) -> str:
+def _write_stages(terminal: Terminal, out: Path, given: Mapping[str, object]) -> str:
     """Write scenes on the light stage. Returns their number as text."""
     from tracknoise.cli.progress import frame_progress
     from tracknoise.paper.dtu_writer import IMAGE_FORMATS, write_dtu
@@ -105,7 +105,9 @@ def _write_stages(terminal: Terminal, out: Path, scenes: int, given: Mapping[str
         if type(value) is not type(_STAGE[name]) and not (type(value) is int and type(_STAGE[name]) is float):
             raise SettingsError(f"--option {name}: found {value!r}, expected a value such as {_STAGE[name]!r}")
         options[name] = value
-    image_format = options.pop("image_format")
+    image_format, scenes = options.pop("image_format"), options.pop("worlds")
+    if scenes < 1:
+        raise SettingsError(f"--option worlds: found {scenes}, expected at least 1")
     if image_format not in IMAGE_FORMATS:
         raise SettingsError(f"--option image_format: found {image_format!r}, expected {' or '.join(IMAGE_FORMATS)}")
     if options["width"] % 2 or options["height"] % 2:

@@ -6,14 +6,14 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from tracknoise.exceptions import TracknoiseError
+from tracknoise.exceptions import DataError, TracknoiseError
 from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.plan import plan
 from tracknoise.experiments.run_statistics import first_lighting
 from tracknoise.experiments.settings import Experiment, TrackerChoice, ViewSettings, parse_experiment
 from tracknoise.sequences.reader_registry import make_reader
 from tracknoise.sequences.sequence import require_directory
-from tracknoise.simulation.built_worlds import PLACES
+from tracknoise.simulation.sdf_files import model_names
 from tracknoise.tables.enumerations import Reading, TrimAmong, Trimming
 from tracknoise.tables.store import RunFolder
 from tracknoise.text import counted
@@ -47,26 +47,26 @@ class Candidate:
     """An experiment of the paper, and whether it can be repeated."""
 
     preset: str  # name of the preset
-    root: Path | None  # folder of its data; None if there are none, or none are needed
+    root: Path | None  # folder of its data, or of models for its worlds; None if there is none
     possible: bool  # whether it can be repeated
     found: str  # one sentence: which data were found, or why there are none
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of each experiment, and the folder of models."""
+    """Limits of each experiment."""
 
     # scenes, frames: maximum number of scenes, and of frames per scene, or first, last and step of the frames; None for
     # all
     scenes: int | None = None
     frames: int | list[int] | None = None
-    models: Path | None = None  # folder of Gazebo models, for simulated worlds that can contain them
 
 
 def candidates(folders: Iterable[Path]) -> list[Candidate]:
     """Search for the data of the paper's experiments in some folders and their direct subfolders.
 
-    Each preset uses the first folder in which its reader finds a sequence.
+    Each preset uses the first folder in which its reader finds a sequence. Simulated worlds are made of the models of
+    the first folder that has some in Gazebo's format.
 
     Raises
     ------
@@ -74,7 +74,9 @@ def candidates(folders: Iterable[Path]) -> list[Candidate]:
         If one of the folders does not exist.
     """
     places = [require_directory(folder) for folder in folders]
-    simulated = [Candidate(preset, None, True, "Simulated; no data are needed.") for preset in SIMULATED]
+    models = next((place for place in _within(places) if _holds_models(place)), None)
+    found = "Simulated; no data are needed." if models is None else f"Simulated, of the Gazebo models in {models}."
+    simulated = [Candidate(preset, models, True, found) for preset in SIMULATED]
     return [*(_look(preset, places) for preset in RECORDED), *simulated]
 
 
@@ -86,10 +88,12 @@ def load_candidate(candidate: Candidate, limits: Limits) -> Experiment:
     SettingsError
         If the folder of models cannot be used.
     """
-    experiment = load_experiment(candidate.preset, root=candidate.root, scenes=limits.scenes, frames=limits.frames)
-    if limits.models is None or not _takes_models(experiment):
+    is_simulated = candidate.preset in SIMULATED
+    root = None if is_simulated else candidate.root
+    experiment = load_experiment(candidate.preset, root=root, scenes=limits.scenes, frames=limits.frames)
+    if candidate.root is None or not is_simulated:
         return experiment
-    return resolve(experiment.with_option("models", str(limits.models.resolve())))
+    return resolve(experiment.with_option("models", str(candidate.root.resolve())))
 
 
 def as_read(run: RunFolder, reading: Reading) -> Experiment:
@@ -145,22 +149,31 @@ def _plain(value: Any) -> Any:
     return str(value) if isinstance(value, str) else value
 
 
-def _takes_models(experiment: Experiment) -> bool:
-    return experiment.dataset.reader == "simulated" and PLACES[experiment.dataset.options["world"]].takes_models
+def _within(folders: Iterable[Path]) -> Iterator[Path]:
+    """Folders, each with its direct subfolders behind it."""
+    for folder in folders:
+        yield folder
+        yield from sorted(path for path in folder.iterdir() if path.is_dir())
+
+
+def _holds_models(folder: Path) -> bool:
+    try:
+        return bool(model_names(folder))
+    except DataError:
+        return False
 
 
 def _look(preset: str, folders: list[Path]) -> Candidate:
     if not folders:
         return Candidate(preset, None, False, "No data folder was given (--data).")
     causes = []
-    for folder in folders:
-        for place in (folder, *sorted(path for path in folder.iterdir() if path.is_dir())):
-            try:
-                n_scenes = _count_scenes(preset, place)
-            except TracknoiseError as error:
-                causes.append(" ".join(str(error).split()))
-            else:
-                return Candidate(preset, place, True, f"{counted(n_scenes, 'scene')} in {place}.")
+    for place in _within(folders):
+        try:
+            n_scenes = _count_scenes(preset, place)
+        except TracknoiseError as error:
+            causes.append(" ".join(str(error).split()))
+        else:
+            return Candidate(preset, place, True, f"{counted(n_scenes, 'scene')} in {place}.")
     return Candidate(preset, None, False, f"No data: {causes[0]}.")
 
 

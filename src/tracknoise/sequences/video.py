@@ -19,7 +19,7 @@ _ENDINGS = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm", ".mpg", ".mpeg", ".
 _MOST_BYTES = 1 << 40
 _MOST_TRIED = 1 << 24
 _QUIET = "-8"
-"""What FFmpeg calls the level at which it prints nothing: damage is said in one line."""
+"""What FFmpeg calls the level at which it prints nothing."""
 
 
 def is_video(path: Path) -> bool:
@@ -89,19 +89,28 @@ def write_frames(video: Path, folder: Path, size: tuple[int, int] | None) -> tup
 
 
 @contextmanager
-def _opened(video: Path) -> Iterator[cv2.VideoCapture]:
+def silent_opencv() -> Iterator[None]:
+    """OpenCV and FFmpeg print nothing: what is wrong with a video is said in one line."""
     level = cv2.utils.logging.getLogLevel()
     cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", _QUIET)
-    capture = cv2.VideoCapture(str(video))
     try:
-        if not capture.isOpened():
-            raise DataError(video, "a file that OpenCV cannot read", "a video")
-        capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
-        yield capture
+        yield
     finally:
-        capture.release()
         cv2.utils.logging.setLogLevel(level)
+
+
+@contextmanager
+def _opened(video: Path) -> Iterator[cv2.VideoCapture]:
+    with silent_opencv():
+        capture = cv2.VideoCapture(str(video))
+        try:
+            if not capture.isOpened():
+                raise DataError(video, "a file that OpenCV cannot read", "a video")
+            capture.set(cv2.CAP_PROP_ORIENTATION_AUTO, 0)
+            yield capture
+        finally:
+            capture.release()
 
 
 def _images(capture: cv2.VideoCapture) -> Iterator[NDArray[np.uint8]]:

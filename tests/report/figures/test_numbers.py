@@ -251,7 +251,7 @@ def test_trails_are_broken_between_tracks(data: ReportData) -> None:
     ("typical_px", "width", "factor"), [(0.4, 480, 20), (0.0, 480, 1), (100.0, 480, 1), (12.0, 480, 1)]
 )
 def test_magnification_is_a_round_number(typical_px: float, width: int, factor: int) -> None:
-    assert example_frames._magnification(pl.Series([typical_px] * 4), width) == factor
+    assert example_frames.magnification(pl.Series([typical_px] * 4), width) == factor
 
 
 def test_many_scenes_are_not_all_drawn(make_run: Callable[..., RunFolder]) -> None:

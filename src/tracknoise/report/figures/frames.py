@@ -186,8 +186,8 @@ def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
     )
     columns = ["tracker", "track", "frame", "u_px", "v_px"]
     trails = observed.select(columns).join(features.select("tracker", "track"), on=["tracker", "track"], how="semi")
-    magnification = _magnification(features["error_px"], entry.width)
-    return Scene(entry, png, features, trails.sort(columns[:3]), magnification, 0.1 * entry.width / magnification)
+    times = magnification(features["error_px"], entry.width)
+    return Scene(entry, png, features, trails.sort(columns[:3]), times, 0.1 * entry.width / times)
 
 
 def _example_frame_spread(features: pl.DataFrame) -> pl.DataFrame:
@@ -198,7 +198,7 @@ def _example_frame_spread(features: pl.DataFrame) -> pl.DataFrame:
     return features.select(pl.all().gather(chosen))
 
 
-def _magnification(errors: pl.Series, width: int) -> int:
+def magnification(errors: pl.Series, width: int) -> int:
     """Largest round number that draws three quarters of the errors no longer than a fortieth of the image's width."""
     typical = errors.quantile(0.75) if errors.len() else None
     fitting = [factor for factor in _ROUND if factor * (typical or 0.0) <= width / 40]

@@ -17,6 +17,7 @@ from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.leaderboard import TITLES, how_to_read, order_of, roles_of
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.style import PAPER
 from tracknoise.tables.costs import read_costs
 from tracknoise.topics.answer_summary import NoiseToSet
 from tracknoise.topics.factor_topic import ranks_by_role
@@ -131,13 +132,10 @@ def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str,
     base = alt.Chart(marks.rows(points), width=width, height=height)
     line = alt.Chart(marks.rows(front)).mark_line(interpolate="step-after", color="gray", strokeDash=[4, 3])
     named = base.encode(x=x, y=alt.Y("label:Q", scale=upward), text="tracker:N")
-    name = {"align": "left", "dx": 8, "fontSize": 12}
-    return layered(
-        line.encode(x=x, y=y),
-        named.mark_text(**name, stroke=style.PAPER, strokeWidth=4, strokeJoin="round"),  # the line ends beside a name
-        base.mark_circle(size=70).encode(x=x, y=y, color=colour, tooltip=["tracker:N", "ms:Q", "px:Q"]),
-        named.mark_text(**name),
-    )
+    names = named.mark_text(align="left", dx=8, fontSize=12)
+    halo = named.mark_text(align="left", dx=8, fontSize=12, stroke=PAPER, strokeWidth=4, strokeJoin="round")
+    points_drawn = base.mark_circle(size=70).encode(x=x, y=y, color=colour, tooltip=["tracker:N", "ms:Q", "px:Q"])
+    return layered(line.encode(x=x, y=y), halo, points_drawn, names)  # the line may pass behind a name
 
 
 def _apart(right: NDArray[np.float64], up: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:

@@ -17,7 +17,7 @@ from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, layered
 from tracknoise.report.leaderboard import TITLES, how_to_read, order_of, roles_of
 from tracknoise.report.report_data import ReportData
-from tracknoise.report.style import PAPER
+from tracknoise.report.style import PAPER, QUIET
 from tracknoise.tables.costs import read_costs
 from tracknoise.topics.answer_summary import NoiseToSet
 from tracknoise.topics.factor_topic import ranks_by_role
@@ -121,7 +121,7 @@ def _bound(settings: Sequence[NoiseToSet]) -> str:
 def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str, str]) -> alt.LayerChart:
     width, height = _COST_SIZE
     ms, px = points["ms"].to_numpy(), points["px"].to_numpy()
-    (left, most), (low, high) = (0.8 * ms.min(), 2.5 * ms.max()), (0.85 * px.min(), 1.2 * px.max())
+    (left, most), (low, high) = (0.8 * ms.min(), 2.5 * ms.max()), (0.7 * px.min(), 1.2 * px.max())
     across, upward = (alt.Scale(type="log", domain=ends, nice=False) for ends in ([left, most], [low, high]))
     right, up = width * np.log(ms / left) / np.log(most / left), height * np.log(px / low) / np.log(high / low)
     label = up + _apart(right, up, points["tracker"].to_list())
@@ -135,7 +135,9 @@ def _cost_chart(points: pl.DataFrame, front: pl.DataFrame, colours: Mapping[str,
     names = named.mark_text(align="left", dx=8, fontSize=12)
     halo = named.mark_text(align="left", dx=8, fontSize=12, stroke=PAPER, strokeWidth=4, strokeJoin="round")
     points_drawn = base.mark_circle(size=70).encode(x=x, y=y, color=colour, tooltip=["tracker:N", "ms:Q", "px:Q"])
-    return layered(line.encode(x=x, y=y), halo, points_drawn, names)  # the line may pass behind a name
+    moved = alt.Chart(marks.rows(points.filter(pl.col("label") != pl.col("px")))).mark_rule(color=QUIET, opacity=0.5)
+    to_name = moved.encode(x=x, y=y, y2="label:Q")
+    return layered(line.encode(x=x, y=y), to_name, halo, points_drawn, names)  # lines may pass behind a name
 
 
 def _apart(right: NDArray[np.float64], up: NDArray[np.float64], names: Sequence[str]) -> NDArray[np.float64]:

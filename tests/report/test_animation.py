@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import polars as pl
 import pytest
 from PIL import Image, ImageColor
 from tests.report.runs import filmed
@@ -15,6 +16,7 @@ from tests.report.runs import filmed
 from tracknoise.exceptions import StoreError
 from tracknoise.report import animation as module
 from tracknoise.report.animation import MOST_TRACKERS, animation
+from tracknoise.report.filmed_scene import _first_visible
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.store import RunFolder
 
@@ -31,7 +33,14 @@ def one_track(monkeypatch: pytest.MonkeyPatch, own_run: RunFolder) -> Callable[.
         image, n = base64.b64encode(buffer.getvalue()).decode(), len(errors_px)
         track = {"frame": 0, "u": [79.5] * n, "v": [60.0 + v for v in range(n)], "du": errors_px}
         track["dv"] = [None if error is None else 0.0 for error in errors_px]
-        film = {"scene": "one", "width": WIDTH, "height": HEIGHT, "frames": [image] * n}
+        film = {
+            "scene": "one",
+            "width": WIDTH,
+            "height": HEIGHT,
+            "frames": [image] * n,
+            "start": n // 2,
+            "magnified": 2,
+        }
         monkeypatch.setattr(module, "filmed_scene", lambda _: {**film, "trackers": {"one": [track]}})
         return animation(ReportData.of(own_run))
 
@@ -47,15 +56,25 @@ def test_a_cross_is_observed_and_a_circle_is_true(one_track: Callable[..., Any],
     colour = np.array(ImageColor.getrgb(ReportData.of(own_run).colour["one"]))
     alike = np.argwhere(np.abs(pixels[30:-28] - colour).max(axis=2) < 40)
     ring = alike[alike[:, 1] < alike[:, 1].min() + 9]
-    tip = x - 2 * scale  # twice its size: a fortieth of the width is 4 px, and three quarters of errors are up to 1 px
+    tip = x - 2 * scale
     assert alike[:, 1].max() < x
     assert ring.mean(axis=0) == pytest.approx([63.5 * scale, tip], abs=1.5)
 
 
-def test_pictures_begin_where_errors_are_visible(one_track: Callable[..., Any]) -> None:
-    assert one_track([0.0, 0.1, 1.0, 1.0]).first_frame == 2
-    assert one_track([0.0, 0.0, 0.1, 1.0]).first_frame == 2, "half of the frames remain"
-    assert one_track([0.0, None, None, None]).first_frame == 0
+@pytest.mark.parametrize(
+    ("errors_px", "first"),
+    [
+        ([0.0, 0.1, 1.0, 1.0], 2),
+        ([0.0, 0.0, 0.1, 1.0], 2),  # half of the frames remain
+        ([0.0, None, None, None], 0),
+        ([None], 0),
+    ],
+)
+def test_pictures_begin_where_errors_are_visible(errors_px: list[float | None], first: int) -> None:
+    frames = pl.DataFrame(
+        {"frame": range(len(errors_px)), "size": errors_px}, schema={"frame": pl.Int64, "size": pl.Float64}
+    )
+    assert _first_visible(frames.drop_nulls(), len(errors_px)) == first
 
 
 def test_all_pictures_have_one_even_size_and_a_panel_for_each_of_three_trackers(

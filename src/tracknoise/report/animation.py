@@ -12,13 +12,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import polars as pl
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from tracknoise.exceptions import StoreError
 from tracknoise.report import style
-from tracknoise.report.figures.frames import magnification
 from tracknoise.report.filmed_scene import filmed_scene
 from tracknoise.report.report_data import ReportData
 from tracknoise.text import printable
@@ -34,9 +32,6 @@ _FINER = 2
 _TRAIL = 8
 _GAP, _HEAD, _FOOT, _TEXT_PX = 8, 30, 28, 15
 _CROSS_PX, _CIRCLE_PX, _TRAIL_PX, _LINE_PX, _EDGE_PX = 4.0, 3.5, 1.0, 2.0, 3.5
-_PAPER = "#ffffff"
-_VISIBLE = 1 / 3
-"""Errors are visible once their median is this share of the largest median of a frame."""
 _MOST_PICTURES = 40
 """Six seconds; a GIF of them has about 10 MB."""
 
@@ -52,11 +47,6 @@ class _Tracks:
     du: _Numbers
     dv: _Numbers
 
-    @property
-    def errors_px(self) -> _Numbers:
-        """Lengths of the errors."""
-        return np.hypot(self.du, self.dv)
-
 
 @dataclass(frozen=True)
 class Animation:
@@ -70,11 +60,15 @@ class Animation:
         Those that have a panel, at most `MOST_TRACKERS`.
     n_trackers
         How many the run has.
+    first_frame, times
+        The first frame that is shown, and how many times errors are drawn longer.
     """
 
     scene: str
     trackers: tuple[str, ...]
     n_trackers: int
+    first_frame: int
+    times: int
     _colours: Mapping[str, str]
     _images: Sequence[bytes]
     _size: tuple[int, int]  # of the images of the recording, px
@@ -91,28 +85,9 @@ class Animation:
         for frame in range(self.first_frame, self._end):
             yield self._drawn(frame)
 
-    @cached_property
-    def first_frame(self) -> int:
-        """The first frame in which errors are visible; in the first half, so that there is something to see."""
-        medians = np.array([_median(self._errors_px[:, frame]) for frame in range(len(self._images))])
-        if not np.isfinite(medians).any():
-            return 0
-        visible = np.flatnonzero(medians >= _VISIBLE * np.nanmax(medians))
-        return min(int(visible[0]), len(self._images) // 2)
-
     @property
     def _end(self) -> int:
         return min(self.first_frame + _MOST_PICTURES, len(self._images))
-
-    @cached_property
-    def _errors_px(self) -> _Numbers:
-        return np.concatenate([tracks.errors_px for tracks in self._tracks.values()])
-
-    @cached_property
-    def _times(self) -> int:
-        """How many times errors are drawn longer."""
-        errors = self._errors_px[:, self.first_frame : self._end]
-        return magnification(pl.Series(errors[np.isfinite(errors)]), self._size[0])
 
     @cached_property
     def _panel(self) -> tuple[int, int]:
@@ -123,7 +98,7 @@ class Animation:
     def _drawn(self, frame: int) -> Image.Image:
         width, height = self._panel
         n = len(self.trackers)
-        picture = Image.new("RGB", (n * width + (n - 1) * _GAP, _HEAD + height + _FOOT), _PAPER)
+        picture = Image.new("RGB", (n * width + (n - 1) * _GAP, _HEAD + height + _FOOT), style.PAPER)
         pen = ImageDraw.Draw(picture)
         ground = self._image(frame).resize((_FINER * width, _FINER * height), Image.Resampling.BICUBIC)
         for place, tracker in enumerate(self.trackers):
@@ -145,19 +120,19 @@ class Animation:
             raise StoreError(f"scene {self.scene}, frame {frame}: its image is damaged, expected a new run") from error
 
     def _caption(self, frame: int) -> str:
-        times = "as they are" if self._times == 1 else f"{self._times} times as long"
+        times = "as they are" if self.times == 1 else f"{self.times} times as long"
         return f"Frame {frame}. Cross: observed. Circle: true. Errors {times}. Scene {printable(self.scene)}."
 
     def _draw_tracks(self, pen: ImageDraw.ImageDraw, tracks: _Tracks, frame: int, colour: str) -> None:
         """Tracks up to a frame. Pixel centres are whole numbers."""
         scale = _FINER * self._panel[0] / self._size[0]
         u, v = ((values + 0.5) * scale for values in (tracks.u, tracks.v))
-        longer = self._times * scale
+        longer = self.times * scale
         true_u, true_v = u[:, frame] - longer * tracks.du[:, frame], v[:, frame] - longer * tracks.dv[:, frame]
         for track in np.flatnonzero(np.isfinite(u[:, frame])):
             since = slice(max(0, frame - _TRAIL), frame + 1)
             path = [(x, y) for x, y in zip(u[track, since], v[track, since], strict=True) if np.isfinite(x)]
-            _line(pen, path, _PAPER, _TRAIL_PX)
+            _line(pen, path, style.PAPER, _TRAIL_PX)
             x, y = u[track, frame], v[track, frame]
             tip = float(true_u[track]), float(true_v[track])
             for ink, wide in ((style.BLACK, _EDGE_PX), (colour, _LINE_PX)):
@@ -165,7 +140,7 @@ class Animation:
                     _line(pen, [(x, y), tip], ink, wide)
                     pen.circle(tip, _FINER * (_CIRCLE_PX + wide / 2), outline=ink, width=round(_FINER * wide))
             cross = _FINER * _CROSS_PX
-            for ink, wide in ((style.BLACK, _EDGE_PX), (_PAPER, _LINE_PX)):
+            for ink, wide in ((style.BLACK, _EDGE_PX), (style.PAPER, _LINE_PX)):
                 _line(pen, [(x - cross, y), (x + cross, y)], ink, wide)
                 _line(pen, [(x, y - cross), (x, y + cross)], ink, wide)
 
@@ -187,6 +162,8 @@ def animation(data: ReportData) -> Animation:
         film["scene"],
         chosen,
         len(data.trackers),
+        film["start"],
+        film["magnified"],
         data.colour,
         images,
         (film["width"], film["height"]),
@@ -208,11 +185,6 @@ def _tracks(tracks: Sequence[Mapping[str, Any]], n_frames: int) -> _Tracks:
             path = np.array(track[name], dtype=np.float64)
             table[row, track["frame"] : track["frame"] + len(path)] = path
     return _Tracks(**values)
-
-
-def _median(errors: _Numbers) -> float:
-    known = errors[np.isfinite(errors)]
-    return float(np.median(known)) if len(known) else np.nan
 
 
 def _line(pen: ImageDraw.ImageDraw, points: list[tuple[float, float]], colour: str, wide: float) -> None:

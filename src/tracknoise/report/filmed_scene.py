@@ -6,18 +6,13 @@ from typing import Any
 
 import polars as pl
 
+from tracknoise.report.figures.frames import magnification
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import of_first_camera
 
-WIDTH = 640
-"""Of the picture that the page draws, px."""
-MAGNIFIED = (1, 10, 50)
-"""By how much errors can be enlarged."""
-_SEEN_PX = 6.0
-"""Errors of this size in the picture are seen."""
-_FEW = 10
-"""Fewer errors have no median that tells where errors are seen."""
+_VISIBLE = 1 / 3
+"""Errors are visible once their median is this share of the largest median of a frame."""
 MOST_TRACKS, FEWEST_TRACKS, OF_ALL = 150, 20, 600
 """Tracks of each tracker that the page can draw, at least, and of all trackers. A third have the largest errors."""
 
@@ -26,7 +21,7 @@ def filmed_scene(data: ReportData) -> dict[str, Any] | None:
     """Frames and tracks as the script of the page reads them; None where the run keeps none.
 
     Returns: `scene`, `width` and `height` of the images of the recording, px; `frames`, JPEG or WebP images in base64;
-    `start`, the frame with the largest median error, and `magnified`, by how much errors are enlarged to be seen there;
+    `start`, the first frame in which errors are visible, and `magnified`, how many times longer they are drawn;
     and `trackers`, by name lists of tracks. A track has its first `frame` and, for each frame from there on, `u`, `v`,
     and `du`, `dv`, which are null where the true position is unknown, in px.
     """
@@ -42,14 +37,15 @@ def _film(data: ReportData, key: str, entry: SequenceEntry, images: pl.DataFrame
     most = max(FEWEST_TRACKS, min(MOST_TRACKS, OF_ALL // len(data.trackers)))
     filmed = pl.col("frame") < images.height, pl.col("speed") == data.slowest
     seen = of_first_camera(data.run.rows("observations", key, *filmed))
-    start, size_px = _largest_errors(seen)
-    seen_px = size_px * WIDTH / entry.width
+    size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt().alias("size")
+    errors = seen.select("frame", size).filter(pl.col("size").is_not_null(), pl.col("frame") < images.height)
+    start = _first_visible(errors, images.height)
     return {
         "scene": entry.sequence.scene,
         "width": entry.width,
         "height": entry.height,
         "start": start,
-        "magnified": next((times for times in MAGNIFIED if times * seen_px >= _SEEN_PX), MAGNIFIED[-1]),
+        "magnified": magnification(errors.filter(pl.col("frame") >= start)["size"], entry.width),
         "frames": [base64.b64encode(image).decode() for image in images["image"]],
         "trackers": {
             tracker: list(_tracks(seen.filter(tracker=tracker), most))
@@ -59,15 +55,11 @@ def _film(data: ReportData, key: str, entry: SequenceEntry, images: pl.DataFrame
     }
 
 
-def _largest_errors(seen: pl.DataFrame) -> tuple[int, float]:
-    """The frame with the largest median error, and this error, px; the first where few are known."""
-    size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt()
-    known = seen.with_columns(size=size).filter(pl.col("size") > 0.0)
-    frames = known.group_by("frame").agg(pl.len(), pl.col("size").median()).filter(pl.col("len") >= _FEW)
-    if frames.is_empty():
-        return 0, 0.0
-    frame, _, size_px = frames.sort("size", "frame", descending=[True, False]).row(0)
-    return int(frame), float(size_px)
+def _first_visible(errors: pl.DataFrame, n_frames: int) -> int:
+    """The first frame in which errors are visible; in the first half, so that there is something to see."""
+    medians = errors.group_by("frame").agg(pl.col("size").median()).sort("frame")
+    visible = medians.filter(pl.col("size") >= _VISIBLE * pl.col("size").max())["frame"]
+    return min(int(visible[0]), n_frames // 2) if visible.len() else 0
 
 
 def _tracks(seen: pl.DataFrame, most: int) -> Iterator[dict[str, Any]]:

@@ -1,8 +1,8 @@
-"""The screenshots of docs/gallery.md, made again in a headless Chromium.
+"""The screenshots of the documentation, made again in a headless Chromium.
 
     python -m benchmarks.documents.gallery FOLDER
 
-The folder holds the runs and pages that the gallery names: `runs/demo`, `runs/7scenes`, `runs/tournament` and
+The folder holds the runs and pages that they show: `runs/demo`, `runs/7scenes`, `runs/tournament` and
 `compare.html`.
 """
 
@@ -52,8 +52,8 @@ SHOTS = (
     Shot("demo-tracks", DEMO, "#looks", before="look('lucas-kanade', 'forward-00', 10)"),
     Shot("7scenes-first-screen", SEVEN),
     Shot("7scenes-audit", SEVEN, "#truth"),
-    Shot("tournament", "runs/tournament/report/index.html", "#figure-ranking", height=1000),
-    Shot("compare", "compare.html", "details"),
+    Shot("tournament", "runs/tournament/report/index.html", height=900),
+    Shot("compare", "compare.html"),
 )
 
 

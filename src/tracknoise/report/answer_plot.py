@@ -70,12 +70,15 @@ class AnswerPlot:
         Of some trackers, that of the title first.
     why
         Why innovations differ from sigma, in a sentence; empty where they do not, or the truth is not trusted.
+    solid
+        What the solid lines are: what to set, or the most that sigma can be.
     """
 
     title: str
     windows: str
     curves: tuple[Curve, ...]
     why: str = ""
+    solid: str = "set"
 
     @property
     def label(self) -> str:
@@ -97,7 +100,8 @@ class AnswerPlot:
         """The same with a title about other windows of the estimator of this name."""
         landmark = estimator(name).landmark
         windows = windows_text(landmark, setting.window, setting.features)
-        return replace(self, title=_title(setting), why=_why(setting, landmark), windows=windows)
+        solid = "at most" if setting.is_bound else "set"
+        return replace(self, title=_title(setting), why=_why(setting, landmark), windows=windows, solid=solid)
 
     @property
     def heading(self) -> str:
@@ -114,7 +118,7 @@ class AnswerPlot:
     @property
     def key(self) -> str:
         """What stands under the heading: the tracker, or what the lines are where their ends have names."""
-        return f"{self.subject}." if len(self.curves) < 2 else "Solid: set; dashed: innovations."
+        return f"{self.subject}." if len(self.curves) < 2 else f"Solid: {self.solid}; dashed: innovations."
 
 
 def answer_plot(
@@ -219,7 +223,11 @@ def _plot(shown: AnswerPlot, colours: Mapping[str, str]) -> Markup:
     grid = [_rule(y(value), f"{value:g}", colours) for value in _ticks(most)]
     ticks = [_tick(x(window), str(window), colours) for window in _apart([(x(window), window) for window in windows])]
     lines = [part for curve in shown.curves for part in _lines(curve, x, y)]
-    ends = [(y(value), name, curve.colour) for curve in shown.curves for name, value in _ends(curve, shown.curves)]
+    ends = [
+        (y(value), name, curve.colour)
+        for curve in shown.curves
+        for name, value in _ends(curve, shown.curves, shown.solid)
+    ]
     dots = [_dots(window, shown, x, y) for window in windows]
     labels = [_label(place, text, colour, colours) for place, text, colour in _spread(ends)]
     axis = Markup('<text x="{x}" y="{y}" text-anchor="middle" fill="{quiet}">window, frames</text>').format(
@@ -280,7 +288,7 @@ def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
     ]
 
 
-def _ends(curve: Curve, curves: Sequence[Curve]) -> Iterator[tuple[str, float]]:
+def _ends(curve: Curve, curves: Sequence[Curve], solid: str) -> Iterator[tuple[str, float]]:
     """What the ends of its lines are called: of several trackers their names, of one what the lines are."""
     to_set, innovations = curve.to_set[-1], curve.innovations[-1]
     if len(curves) > 1:
@@ -288,7 +296,7 @@ def _ends(curve: Curve, curves: Sequence[Curve]) -> Iterator[tuple[str, float]]:
     elif _alike(to_set, innovations):
         yield "both alike", to_set
     else:
-        yield from (("set", to_set), ("innovations", innovations))
+        yield from ((solid, to_set), ("innovations", innovations))
 
 
 def _dots(window: int, shown: AnswerPlot, x: Any, y: Any) -> Markup:

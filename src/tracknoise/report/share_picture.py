@@ -50,7 +50,7 @@ def _curves(shown: AnswerPlot, strip: Strip | None) -> Iterator[Markup]:
     """What to set by the frames in a window, a legend, and the worst track."""
     yield _text(48, 84, 48, shown.title, weight=700)
     yield _text(48, 126, 24, shown.subject)
-    yield _text(860, 380, 20, "solid: sigma to set")
+    yield _text(860, 380, 20, f"solid: {shown.solid}")
     yield _text(860, 410, 20, "dashed: what innovations say")
     for place, curve in enumerate(shown.curves):
         y = 192 + 40 * place

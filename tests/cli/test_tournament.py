@@ -113,10 +113,10 @@ def test_trackers_join_the_rounds_of_a_file_of_results(tracknoise, experiment, t
     ]
     code, out, err = tracknoise(*first)
     assert code == 0, err
-    assert "mine: 1 scene, truth " in out
     (tmp_path / "added.toml").write_text(EXPERIMENT.replace("my-tracker", "added").replace("frames = 4", "frames = 9"))
     code, out, err = tracknoise("tournament", "--add", "added.toml", "--to", "all.json", "-w", "1")
     assert code == 0, err
+    assert "mine: 1 scene, truth " in out
     found = json.loads((tmp_path / "all.json").read_text())["rounds"]["mine"]
     assert list(found["trackers"]) == ["my-tracker", "oracle", "added"]
     assert {sequence["frames"] for sequence in found["sequences"].values()} == {"4"}  # those of the round

@@ -79,7 +79,7 @@ def tournament(
     run, outcome = measure(loaded, out)
     status = print_outcome(context.obj, out, outcome, report=True, ranked=True)
     if results is not None and to is not None and not status:
-        _join(context.obj, to, results, loaded.name, run)
+        _join(context.obj, to, results, loaded.name, run)  # its leaderboard was printed
     return status
 
 
@@ -115,10 +115,11 @@ def _add(
     measure: Callable[["Experiment", Path], tuple["RunFolder", "Outcome"]],
 ) -> int:
     """Measure trackers in every round of a file of results. Returns the exit status: 2 if a round was left out."""
+    from tracknoise.cli.text_table import show
     from tracknoise.exceptions import SettingsError
     from tracknoise.experiments.entrants import of_round
     from tracknoise.experiments.load import load_experiment
-    from tracknoise.report.results_file import read_results
+    from tracknoise.report.results_file import read_results, standings
     from tracknoise.tables.identity import identifiers
 
     if to is None:
@@ -138,16 +139,15 @@ def _add(
             left_out += 1
             continue
         results = _join(terminal, to, results, name, run)
+        show(terminal.result, standings(name, results.rounds[name]))
     return 2 if left_out else 0
 
 
 def _join(terminal: "Terminal", to: Path, results: "Results", name: str, run: "RunFolder") -> "Results":
-    """Add the trackers of a run to a round, write the file, and print the round."""
-    from tracknoise.cli.text_table import show
+    """Add the trackers of a run to a round, and write the file."""
     from tracknoise.report.report_data import ReportData
-    from tracknoise.report.results_file import joined, results_json, round_of, standings
+    from tracknoise.report.results_file import joined, results_json, round_of
 
     new = joined(results, name, round_of(ReportData.of(run)))
-    show(terminal.result, standings(name, new.rounds[name]))
     write_files({to: lambda: results_json(new)}, terminal.result)
     return new

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from tracknoise.report.results_file import Results, Round, ranked_sigmas
+from tracknoise.report.results_file import Results, Round, standings
 from tracknoise.tables.manifest import joined_fit
 from tracknoise.tables.store import RunFolder
 from tracknoise.words import DASH, number, pixels
@@ -33,7 +33,7 @@ of recordings need their folders in that of `--data`. Other data, truth, setting
 `python -m benchmarks.published FOLDER --data /data` measures everything again, and resumes. Rounds are
 `benchmarks/published/*.toml`, with their seeds.
 """
-_STEREO = "stereo"
+_STEREO, EN_DASH = "stereo", "\N{EN DASH}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,10 +83,21 @@ def page(results: Results, truths: Sequence[StatedTruth | None]) -> str:
 
 
 def _sigmas(rounds: dict[str, Round]) -> str:
-    cells = {name: ranked_sigmas(one) for name, one in rounds.items()}
+    cells = {name: _ranked_sigmas(one) for name, one in rounds.items()}
     trackers = dict.fromkeys(tracker for of_round in cells.values() for tracker in of_round)
     rows = [[tracker, *(of_round.get(tracker, DASH) for of_round in cells.values())] for tracker in trackers]
     return _table(["tracker", *cells], rows)
+
+
+def _ranked_sigmas(of: Round) -> dict[str, str]:
+    """What to set for each tracker, px, with its ranks in brackets; by name, the best first."""
+    board = standings(of)
+    shown = {}
+    for one in board.rows:
+        sigma = f"{'≤ ' if one.is_bound else ''}{pixels(one.sigma.value)}"
+        span = one.span(board.roles[0]).replace(" to ", EN_DASH)
+        shown[one.tracker] = f"{sigma} ({span})" if span else sigma
+    return shown
 
 
 def _truths(truths: Sequence[StatedTruth]) -> str:

@@ -70,7 +70,9 @@ def test_a_sentence_says_why_where_innovations_mislead(model):
     assert "another depth" in told[0]
     assert "not fitted" in told[1]
     assert answer_plot({"oracle": model}, "filter", [to_set(0.16, 0.155)]).why == ""
-    assert answer_plot({"oracle": model}, "filter", [to_set(0.16, 0.07, is_bound=True)]).why == ""
+    bound = answer_plot({"oracle": model}, "filter", [to_set(0.16, 0.07, is_bound=True)])
+    assert "do not show" in bound.why
+    assert bound.solid == "upper bound"
 
 
 def test_labels_do_not_cover_each_other():

@@ -49,16 +49,18 @@ def setting(tracker: str, sigma_px: float, *, is_bound: bool = False) -> NoiseTo
 def test_the_board_has_the_best_first_with_ranges_of_ranks(three: RunFolder) -> None:
     found = leaderboard(ranked(three))
     assert found is not None
-    place = found.columns.index("core")
-    assert [(row.tracker, row.entries[place].ranks) for row in found.rows] == [
+    assert [(row.tracker, row.span("core")) for row in found.rows] == [
         ("best", "1"),
         ("alike", "2 to 3"),
         ("other", "2 to 3"),
     ]
-    assert {row.entries[place + 1].ranks for row in found.rows} == {"1 to 3"}
-    assert found.rows[0].entries[place].why == "distinguished from every other tracker; shown to be better than 2"
-    assert found.rows[1].entries[place].why == "not distinguished from 1 of 2 others; shown to be worse than 1"
-    assert "8 scenes" in found.reading
+    assert {row.span("second") for row in found.rows} == {"1 to 3"}
+    first, second, _ = found.rows
+    assert found.why(first, "core") == "distinguished from all others; shown to be better than 2"
+    assert found.why(second, "core") == "not distinguished from 1 of 2 others; shown to be worse than 1"
+    assert (
+        "alike has rank 2 to 3: 1 shown to be better by more than 10\N{NO-BREAK SPACE}%, 0 to be worse" in found.reading
+    )
     assert [row[0] for row in found.cells().rows] == ["best", "alike", "other"]
 
 

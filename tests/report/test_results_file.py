@@ -13,7 +13,6 @@ from tracknoise.report.results_file import (
     Results,
     Round,
     joined,
-    ranked_sigmas,
     read_results,
     results_json,
     round_of,
@@ -46,8 +45,8 @@ def test_a_tracker_joins_a_round_or_takes_its_own_place(made: Round) -> None:
     assert list(results.rounds["first"].trackers) == ["one", "two"]
     results = joined(results, "first", replace(made, trackers={"two": replace(other, cpu_ms=7.0)}))
     assert results.rounds["first"].trackers["two"].cpu_ms == 7.0
-    shown = standings("first", results.rounds["first"])
-    assert {row[0] for row in shown.rows} == {"one", "two"} == set(ranked_sigmas(results.rounds["first"]))
+    shown = standings(results.rounds["first"]).cells()
+    assert {row[0] for row in shown.rows} == {"one", "two"}
     assert "7\N{NO-BREAK SPACE}ms" in {row[-1] for row in shown.rows}
 
 
@@ -81,7 +80,8 @@ def test_another_frame_is_no_other_data(made: Round) -> None:
 
 def test_refined_poses_rank_nobody(made: Round) -> None:
     refined = {key: {**facts, "poses": "refined"} for key, facts in made.sequences.items()}
-    assert "Not ranked" in standings("first", replace(made, sequences=refined)).caption
+    assert standings(made).is_ranked
+    assert not standings(replace(made, sequences=refined)).is_ranked
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from tracknoise.analysis.scene_values import (
     number_differences,
     outlier_differences,
 )
-from tracknoise.inference.paired_differences import Differences, average, half_widths_alone
+from tracknoise.inference.paired_differences import NO_PLACES, Differences, average, half_widths_alone
 from tracknoise.inference.survival import follow_up, restricted_mean
 from tracknoise.inference.units import scheme
 from tracknoise.statistics.grouping import Condition
@@ -81,7 +81,7 @@ def _by_age(values: RunValues, condition: Condition, role: str, n_scenes: int) -
     of_scenes = values.errors.conditions.get((condition, str(Axis.age)))
     if of_scenes is None or role not in of_scenes.values:
         return found
-    ages = values.errors.places[str(condition[0]), str(Axis.age)]
+    ages = values.errors.places.get((str(condition[0]), str(Axis.age)), NO_PLACES)
     near = (ages >= 1) & (ages <= LAST_AGE)
     found[:, ages[near] - 1] = np.exp(of_scenes.values[role][:, near].mean(axis=2))
     return found

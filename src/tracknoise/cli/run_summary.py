@@ -9,7 +9,7 @@ import polars as pl
 from tracknoise.cli.run_answer import answer_lines, sentences_to_set
 from tracknoise.cli.terminal import Terminal, wrapped
 from tracknoise.cli.text_table import aligned, show
-from tracknoise.report.answer import accuracy
+from tracknoise.report.answer import accuracy, noise_to_set
 from tracknoise.report.leaderboard import leaderboard
 from tracknoise.report.measured import mixed_kernels
 from tracknoise.report.report_data import ReportData
@@ -118,7 +118,7 @@ def print_results(
         data = ReportData.of(run)
         board = leaderboard(data) if ranked else None
         if board is not None:
-            terminal.result("\n".join(wrapped(board.leader)))
+            terminal.result("\n".join(wrapped(board.leader_with(noise_to_set(data)))))
             show(terminal.result, board.cells())
         terminal.result("\n".join(answer_lines(data, MOST_LINES - len(others), is_ranked=board is not None)))
         if not data.truth.are_tracks_wrong:

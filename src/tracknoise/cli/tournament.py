@@ -139,7 +139,7 @@ def _add(
             left_out += 1
             continue
         results = _join(terminal, to, results, name, run)
-        show(terminal.result, standings(name, results.rounds[name]))
+        show(terminal.result, standings(results.rounds[name]).cells(f"{name}: truth {one.truth}. "))
     return 2 if left_out else 0
 
 

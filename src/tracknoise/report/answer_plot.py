@@ -69,7 +69,7 @@ class AnswerPlot:
     curves
         Of some trackers, that of the title first.
     why
-        Why innovations differ from sigma, in a sentence; empty where they do not, or the truth is not trusted.
+        Why innovations differ from sigma, in a sentence; empty where they do not.
     solid
         What the solid lines are: what to set, or the most that sigma can be.
     """
@@ -100,7 +100,7 @@ class AnswerPlot:
         """The same with a title about other windows of the estimator of this name."""
         landmark = estimator(name).landmark
         windows = windows_text(landmark, setting.window, setting.features)
-        solid = "at most" if setting.is_bound else "set"
+        solid = "upper bound" if setting.is_bound else "set"
         return replace(self, title=_title(setting), why=_why(setting, landmark), windows=windows, solid=solid)
 
     @property
@@ -163,11 +163,15 @@ def _title(setting: NoiseToSet) -> str:
 def _why(setting: NoiseToSet, landmark: Landmark) -> str:
     """Why innovations are smaller than what to set."""
     sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
-    if setting.is_bound or sigma < _ALIKE * innovations:
+    if sigma < _ALIKE * innovations:
         return ""
+    if setting.is_bound:
+        return "Innovations do not show errors that look like another depth."
     if landmark in (Landmark.EXACT, Landmark.KNOWN):
         return "Its points are not fitted to the track: the whole error since the first position counts."
-    return "Errors that add up along a track look like another depth, so innovations stay small."
+    return (
+        "Its errors add up along a track and look like another depth: a filter tuned to innovations is overconfident."
+    )
 
 
 def _alike(first: float, second: float) -> bool:

@@ -1,122 +1,231 @@
-"""The leaderboard of a run with three or more trackers: what to set, errors, lifetimes, outliers, costs and ranks."""
+"""Trackers in the order in which to take them: what to set, errors of a typical scene, lifetimes, outliers, ranks."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from math import isnan
 from typing import Any
 
 import polars as pl
 
 from tracknoise.analysis.factors import RANKED
-from tracknoise.inference.estimates import Estimate
+from tracknoise.analysis.shared_scenes import LAST_AGE, SHOWN_AGE, Typical, typical
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.report.answer import noise_to_set
 from tracknoise.report.cells import Cells
 from tracknoise.report.report_data import ReportData
+from tracknoise.report.scene_results import group_array, scene_results
 from tracknoise.tables.costs import read_costs
 from tracknoise.text import significant
 from tracknoise.topics.answer_summary import NoiseToSet, Number
 from tracknoise.topics.factor_topic import disputed_ranks, ranks_by_role
-from tracknoise.topics.headline import scalar_estimate, size_estimate
-from tracknoise.topics.measures import Subject, card_number, shown_size
-from tracknoise.words import SPACE, count, rms_of_tracks
+from tracknoise.words import DASH, SPACE, count, number, percent, pixels
 
 TITLES: Mapping[str, str] = dict(
     zip(RANKED, ("typical error (core)", "RMS error", "lifetime", "outlier ratio"), strict=True)
 )
 """What trackers are ranked by, by the roles of the statistics, in the order of the table."""
-COLUMNS = dict(zip(RANKED, ("core", "RMS", "lifetime", "outliers"), strict=True))
+_COLUMNS = dict(zip(RANKED, ("core", "RMS", "lifetime", "outliers"), strict=True))
 _QUANTITY = dict(zip(RANKED, ("typical error", "RMS error", "lifetime", "outlier ratio"), strict=True))
 _BEST = dict(
     zip(RANKED, ("smallest typical error", "smallest RMS error", "longest tracks", "fewest outliers"), strict=True)
 )
 _LESS = dict(zip(RANKED, ("smaller errors", "smaller errors", "longer tracks", "fewer outliers"), strict=True))
 _SETTING, _COST = "sigma to set", "CPU per step"
-_UNKNOWN = Number(None, None, None, "", "")
+_WRITTEN: Mapping[str, tuple[Callable[[float], str], str]] = {
+    "lifetime": (number, f"{SPACE}frames"),
+    "outlier_ratio": (percent, ""),
+}
+"""How values are written, and their unit, by the roles of statistics that are not in px."""
+UNKNOWN = Number(None, None, None, DASH, "")
+Ranks = Mapping[str, tuple[int, int]]
+"""Best and worst rank by the role of a statistic."""
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """A cell of the leaderboard.
+class Standing:
+    """A tracker of a leaderboard.
 
     Attributes
     ----------
-    number
-        The value with its interval; its text is empty where it is unknown.
+    tracker, colour
+        Its name, and its colour in all figures.
+    sigma, is_bound
+        What to set; and whether it is an upper bound, because the truth is not trusted.
+    values
+        What a typical scene measured, by the role of the statistic.
     ranks
-        Best and worst rank by it, such as ``2 to 5``; empty where trackers are not ranked by it.
-    why
-        From how many trackers it is not distinguished.
+        Best and worst rank, likewise; none where trackers are not ranked.
+    cost
+        CPU time of a step.
     """
-
-    number: Number
-    ranks: str = ""
-    why: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Row:
-    """A tracker: its name and colour, and a cell for each column."""
 
     tracker: str
     colour: str
-    entries: tuple[Entry, ...]
+    sigma: Number
     is_bound: bool
-    """Whether its sigma is an upper bound, because the truth is not trusted."""
+    values: Mapping[str, Number]
+    ranks: Ranks
+    cost: Number
+
+    def span(self, role: str) -> str:
+        """Best and worst rank by a statistic: ``2 to 5``; empty where there are none."""
+        if role not in self.ranks:
+            return ""
+        best, worst = self.ranks[role]
+        return str(best) if best == worst else f"{best} to {worst}"
 
 
 @dataclass(frozen=True, slots=True)
 class Leaderboard:
-    """Trackers, the one to take first.
+    """Trackers of the same scenes.
 
     Attributes
     ----------
-    ranks
-        Ranks of trackers by each statistic: `RANKS` with a column `role`.
-    settings
-        What to set in the estimator of the experiment.
-    columns
-        Headings of the cells of a row.
-    rows
-        Sorted by best rank in typical error, then by sigma to set.
-    reading
-        What ranks say.
-    places
-        What the columns are of.
+    standings
+        Of each tracker, in any order.
+    roles
+        The statistics that are shown; the first leads.
+    scenes
+        How many scenes there are.
+    margin
+        Largest relative difference that counts as none.
+    disputed
+        About which trackers references of the two kinds disagree, a sentence after a space; empty where they do not.
     """
 
-    ranks: pl.DataFrame
-    settings: tuple[NoiseToSet, ...]
-    columns: tuple[str, ...]
-    rows: tuple[Row, ...]
-    reading: str
-    places: str
+    standings: tuple[Standing, ...]
+    roles: tuple[str, ...]
+    scenes: int
+    margin: float
+    disputed: str = ""
+
+    @property
+    def rows(self) -> list[Standing]:
+        """Sorted by best rank by the first statistic, then by sigma."""
+        return self._ordered({one.tracker: one.sigma.value for one in self.standings})
+
+    def _ordered(self, sigma_px: Mapping[str, float | None]) -> list[Standing]:
+        role, last = self.roles[0], (len(self.standings), 0)
+
+        def place(one: Standing) -> tuple[Any, ...]:
+            sigma = sigma_px.get(one.tracker)
+            best, worst = one.ranks.get(role, last if self.is_ranked else (1, 1))
+            return best, sigma is None, sigma or 0.0, worst, one.tracker
+
+        return sorted(self.standings, key=place)
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether trackers have ranks."""
+        return any(one.ranks for one in self.standings)
 
     def first_with(self, settings: Iterable[NoiseToSet]) -> str:
         """Name of the tracker to take with what is set in an estimator."""
-        return order_of(self.ranks, {one.tracker: one for one in settings})[0]
-
-    @property
-    def leader(self) -> str:
-        """Which tracker to take, what to set with it, and why, in two sentences."""
-        return self.leader_with(self.settings)
+        return self._ordered({one.tracker: one.sigma.value for one in settings})[0].tracker
 
     def leader_with(self, settings: Iterable[NoiseToSet]) -> str:
-        """The same for what to set in another estimator."""
-        return _leader(self.ranks, {one.tracker: one for one in settings})
+        """Which tracker to take: of those that none is shown to be better than, the one with the smallest sigma."""
+        to_set = {one.tracker: one for one in settings}
+        first, role, n = self.first_with(to_set.values()), self.roles[0], len(self.standings)
+        equal = sum(one.ranks.get(role, (1, n))[0] == 1 for one in self.standings)
+        if equal == 1:
+            reason = f"the {_BEST[role]} of {n} trackers"
+        elif equal == n:
+            reason = f"the smallest sigma of {n} trackers, of which none is shown to have {_LESS[role]} than another"
+        else:
+            of = f"the {equal} of {n} trackers that share the first rank in {_QUANTITY[role]}"
+            reason = f"the smallest sigma of {of}"
+        setting = to_set.get(first)
+        if setting is None or setting.sigma.value is None:
+            return f"{first} has {reason}." if equal == 1 else f"{equal} of {n} trackers share the first rank."
+        verb = "sigma is at most" if setting.is_bound else "set"
+        return f"{first}: {verb} {setting.sigma.text}. It has {reason}."
+
+    def why(self, one: Standing, role: str) -> str:
+        """From how many trackers one is not distinguished by a statistic."""
+        if role not in one.ranks:
+            return ""
+        (best, worst), n = one.ranks[role], len(self.standings)
+        alike = worst - best
+        texts = [
+            f"not distinguished from {alike} of {count(n - 1, 'other')}" if alike else "distinguished from all others"
+        ]
+        texts += [f"shown to be worse than {best - 1}"] if best > 1 else []
+        texts += [f"shown to be better than {n - worst}"] if worst < n else []
+        return "; ".join(texts)
+
+    @property
+    def columns(self) -> list[str]:
+        """Headings of all columns but the name."""
+        costs = [_COST] if any(one.cost.value is not None for one in self.standings) else []
+        return [_SETTING, *(_COLUMNS[role] for role in self.roles), *costs]
 
     @property
     def ranked_by(self) -> str:
         """What the first ranks are of."""
-        return TITLES[roles_of(self.ranks)[0]]
+        return TITLES[self.roles[0]]
 
-    def cells(self) -> Cells:
-        """The same as a plain table, with ranks in brackets."""
-        rows = [[row.tracker, *(_text(entry) for entry in row.entries)] for row in self.rows]
-        caption = f"{self.places} In brackets: ranks. {self.reading}"
+    @property
+    def places(self) -> str:
+        """What errors and lifetimes are of."""
+        errors = f"Core and RMS: of a typical scene at age {SHOWN_AGE}. " if "core" in self.roles else ""
+        return f"{errors}Lifetimes: up to {LAST_AGE} frames."
+
+    @property
+    def reading(self) -> str:
+        """What ranks say, by one of them, and from how many scenes."""
+        if not self.is_ranked:
+            return "Not ranked."
+        role, n = self.roles[0], len(self.standings)
+        ranged = [one for one in self.rows if role in one.ranks and one.ranks[role][0] != one.ranks[role][1]]
+        if not ranged:
+            return f"Ranks are from {count(self.scenes, 'scene')}.{self.disputed}"
+        one = max(ranged, key=lambda candidate: min(candidate.ranks[role][0] - 1, n - candidate.ranks[role][1]))
+        best, worst = one.ranks[role]
+        margin = f"{100.0 * self.margin:.3g}{SPACE}%"
+        apart = f"{best - 1} shown to be better by more than {margin}, {n - worst} to be worse"
+        scenes = count(self.scenes, "scene")
+        return f"Ranks are from {scenes}. {one.tracker} has rank {one.span(role)}: {apart}.{self.disputed}"
+
+    def cells(self, about: str = "") -> Cells:
+        """The same as a plain table, with intervals of sigma, and ranks in brackets. `about`: opens its caption."""
+        rows = [
+            [
+                one.tracker,
+                _with_interval(one),
+                *(_with_ranks(one, role) for role in self.roles),
+                *([one.cost.text] if _COST in self.columns else []),
+            ]
+            for one in self.rows
+        ]
+        ranked = " In brackets: ranks." if self.is_ranked else ""
+        caption = f"{about}{self.places}{ranked} {self.reading}"
         return Cells(caption, ["tracker", *self.columns], rows, [False, *([True] * len(self.columns))])
 
 
-def _text(entry: Entry) -> str:
-    return f"{entry.number.text} ({entry.ranks})" if entry.ranks else entry.number.text
+def _with_interval(one: Standing) -> str:
+    if one.is_bound and one.sigma.value is not None:
+        return f"at most {one.sigma.text}"
+    return f"{one.sigma.text} [{one.sigma.interval}]" if one.sigma.interval else one.sigma.text
+
+
+def _with_ranks(one: Standing, role: str) -> str:
+    text = one.values.get(role, UNKNOWN).text
+    return f"{text} ({one.span(role)})" if one.span(role) else text
+
+
+def number_of_role(role: str, found: Typical) -> Number:
+    """What a typical scene measured, as it is printed."""
+    written, unit = _WRITTEN.get(role, (pixels, f"{SPACE}px"))
+    text = f"{written(found.value)}{unit}"
+    if isnan(found.low):
+        return Number(found.value, None, None, text, "")
+    return Number(found.value, found.low, found.high, text, f"{written(found.low)} to {written(found.high)}")
+
+
+def cost_of_step(ms: float | None) -> Number:
+    """CPU time of a step, as it is printed."""
+    return UNKNOWN if ms is None else Number(ms, None, None, f"{significant(ms, 2)}{SPACE}ms", "")
 
 
 def leaderboard(data: ReportData) -> Leaderboard | None:
@@ -124,109 +233,31 @@ def leaderboard(data: ReportData) -> Leaderboard | None:
     ranks = ranks_by_role(data)
     if ranks.is_empty():
         return None
-    costs, roles = read_costs(data.run), roles_of(ranks)
-    settings = {one.tracker: one for one in noise_to_set(data)}
-    spans = {(row["tracker"], row["role"]): row for row in ranks.iter_rows(named=True)}
-    _, axis = shown_size(data)
-    rows = []
-    for tracker in order_of(ranks, settings):
-        setting, subject = settings.get(tracker), Subject(data, tracker)
-        entries = [Entry(_UNKNOWN if setting is None else setting.sigma)]
-        entries += [_entry(_number(subject, role, axis), spans.get((tracker, role))) for role in roles]
-        entries += [Entry(_cost(costs.get(tracker)))] if costs else []
-        is_bound = setting is not None and setting.is_bound
-        rows.append(Row(tracker, data.colour[tracker], tuple(entries), is_bound))
-    columns = (_SETTING, *(COLUMNS[role] for role in roles), *([_COST] if costs else []))
-    return Leaderboard(
-        ranks, tuple(settings.values()), columns, tuple(rows), how_to_read(data, ranks), _places(data, axis)
-    )
-
-
-def _places(data: ReportData, axis: str) -> str:
-    """What errors and lifetimes are of."""
-    of_all = Subject(data, data.trackers[0])
-    at = of_all.shared_at
-    errors = (
-        "" if at is None else f"Errors are in {axis} {of_all.conditions.place(at)}; {rms_of_tracks(data.trimming)}. "
-    )
-    return f"{errors}Lifetimes are restricted means."
+    roles = roles_of(ranks)
+    costs, settings = read_costs(data.run), {one.tracker: one for one in noise_to_set(data)}
+    spans: dict[str, dict[str, tuple[int, int]]] = {}
+    for row in ranks.iter_rows(named=True):
+        spans.setdefault(row["tracker"], {})[row["role"]] = row["best"], row["worst"]
+    groups, scenes = scene_results(data)
+    standings = []
+    for tracker, of_roles in spans.items():
+        measured = typical(scenes.get(tracker, {}), group_array(groups), LEVEL)
+        setting = settings.get(tracker)
+        standings.append(
+            Standing(
+                tracker,
+                data.colour[tracker],
+                UNKNOWN if setting is None else setting.sigma,
+                setting is not None and setting.is_bound,
+                {role: number_of_role(role, measured[role]) for role in roles if role in measured},
+                of_roles,
+                cost_of_step(costs.get(tracker)),
+            )
+        )
+    n_scenes = min(ranks["n_scenes"].to_list())
+    return Leaderboard(tuple(standings), tuple(roles), n_scenes, data.margin, disputed_ranks(ranks))
 
 
 def roles_of(ranks: pl.DataFrame) -> list[str]:
-    """The roles that there are, in the order of the table."""
+    """The roles of a table of ranks, in the order of the leaderboard."""
     return [role for role in TITLES if role in set(ranks["role"])]
-
-
-def order_of(ranks: pl.DataFrame, settings: Mapping[str, NoiseToSet]) -> list[str]:
-    """Names of trackers by their best rank in the first statistic, then by what to set, then by the middle of ranks."""
-    first = ranks.filter(role=roles_of(ranks)[0])
-    best = {row["tracker"]: (row["best"], row["best"] + row["worst"]) for row in first.iter_rows(named=True)}
-    last = (ranks["n_trackers"].max(), 0)
-
-    def place(tracker: str) -> tuple[Any, ...]:
-        setting = settings.get(tracker)
-        sigma = None if setting is None else setting.sigma.value
-        rank, middle = best.get(tracker, last)
-        return rank, sigma is None, sigma or 0.0, middle, tracker
-
-    return sorted(ranks["tracker"].unique(), key=place)
-
-
-def how_to_read(data: ReportData, ranks: pl.DataFrame) -> str:
-    """What ranks say, and from how many scenes."""
-    scenes = count(min(ranks["n_scenes"].to_list()), "scene")
-    margin = f"{100.0 * data.margin:.3g}{SPACE}%"
-    return (
-        f"Rank 2 to 5 of 15, by {scenes}: one tracker is shown to be better by more than {margin}, ten to be worse."
-        f"{disputed_ranks(ranks)}"
-    )
-
-
-def _number(subject: Subject, role: str, axis: str) -> Number:
-    """The value that trackers are ranked by, as cards and curves show it."""
-    return _UNKNOWN if (estimate := _estimate(subject, role, axis)) is None else card_number(estimate)
-
-
-def _estimate(subject: Subject, role: str, axis: str) -> Estimate | None:
-    row = subject.row
-    if row is None:
-        return None
-    if role in ("core", "second"):
-        name = "core" if role == "core" else "rms"
-        return size_estimate(row, subject.intervals, subject.conditions, name, axis)
-    statistic, unit = {"lifetime": ("restricted_mean_lifetime", "frames")}.get(role, ("outlier_ratio", "share"))
-    return None if row[statistic] is None else scalar_estimate(row, subject.intervals, statistic, unit)
-
-
-def _entry(number: Number, span: Mapping[str, Any] | None) -> Entry:
-    if span is None:
-        return Entry(number)
-    best, worst, n = span["best"], span["worst"], span["n_trackers"]
-    if alike := worst - best:
-        texts = [f"not distinguished from {alike} of {count(n - 1, 'other')}"]
-    else:
-        texts = ["distinguished from every other tracker"]
-    texts += [f"shown to be worse than {best - 1}"] if best > 1 else []
-    texts += [f"shown to be better than {n - worst}"] if worst < n else []
-    return Entry(number, str(best) if best == worst else f"{best} to {worst}", "; ".join(texts))
-
-
-def _cost(ms: float | None) -> Number:
-    return _UNKNOWN if ms is None else Number(ms, None, None, f"{significant(ms, 2)}{SPACE}ms", "")
-
-
-def _leader(ranks: pl.DataFrame, settings: Mapping[str, NoiseToSet]) -> str:
-    """Which tracker to take: of those that none is shown to be better than, the one with the smallest sigma."""
-    first, *_ = order_of(ranks, settings)
-    role = roles_of(ranks)[0]
-    by_role = ranks.filter(role=role)
-    n, equal = by_role["tracker"].n_unique(), by_role.filter(best=1).height
-    reason = {
-        1: f"the {_BEST[role]} of {n} trackers",
-        n: f"the smallest sigma of {n} trackers, of which none is shown to have {_LESS[role]} than another",
-    }.get(equal, f"the smallest sigma of the {equal} of {n} trackers that share the first rank in {_QUANTITY[role]}")
-    setting = settings.get(first)
-    if setting is None or not setting.sigma.text:
-        return f"{first} has {reason}." if equal == 1 else f"{equal} of {n} trackers share the first rank."
-    to_set = "sigma is at most" if setting.is_bound else "set"
-    return f"{first}: {to_set} {setting.sigma.text}. It has {reason}."

@@ -31,7 +31,7 @@ from tracknoise.report.contents import CONTENTS, TRUTH_TITLE, Layout, Section, a
 from tracknoise.report.figures.families import FAMILIES
 from tracknoise.report.figures.figure import Figure, require_distinct
 from tracknoise.report.glossary import TERMS
-from tracknoise.report.leaderboard import Leaderboard, leaderboard
+from tracknoise.report.leaderboard import UNKNOWN, Leaderboard, leaderboard
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.settings_picker import Picker
 from tracknoise.report.style import PALETTE
@@ -168,6 +168,7 @@ def _page(
         strip=strip,
         board=board,
         palette=len(PALETTE),
+        unknown=UNKNOWN,
         intervals=_intervals(data),
         glossary=dict(TERMS),
         frame=annotated_frame(data) if shown is None else None,
@@ -212,7 +213,7 @@ def _page(
 def _intervals(data: ReportData) -> str:
     """What intervals of sigma are; empty where there are none."""
     levels = data["advice"]["level"].drop_nulls()
-    return "" if levels.is_empty() else f"Ranges: {intervals_at(levels[0])}."
+    return "" if levels.is_empty() or not data.truth.is_usable else f"Ranges: {intervals_at(levels[0])}."
 
 
 def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:

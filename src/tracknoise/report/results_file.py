@@ -7,30 +7,27 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import polars as pl
 import tomlkit
 from pydantic import TypeAdapter, ValidationError
 
-from tracknoise.analysis.condition_units import groups_of_scenes
 from tracknoise.analysis.factors import RANKED
-from tracknoise.analysis.run_inputs import has_errors
-from tracknoise.analysis.scene_values import RunValues, run_values
-from tracknoise.analysis.shared_scenes import LAST_AGE, SHOWN_AGE, SceneNumbers, Typical, ranks, scene_numbers, typical
+from tracknoise.analysis.shared_scenes import SceneNumbers, ranks, typical
 from tracknoise.exceptions import SettingsError
 from tracknoise.foreign_files import MIB, read_text
 from tracknoise.inference.conventions import LEVEL
-from tracknoise.report.answer import noise_to_set
-from tracknoise.report.cells import Cells
-from tracknoise.report.leaderboard import COLUMNS
+from tracknoise.report.answer import noise_to_set, number_of
+from tracknoise.report.leaderboard import (
+    UNKNOWN,
+    Leaderboard,
+    Standing,
+    cost_of_step,
+    number_of_role,
+)
 from tracknoise.report.report_data import ReportData
-from tracknoise.statistics.definitions import POOLED
+from tracknoise.report.scene_results import group_array, scene_results
 from tracknoise.tables.costs import read_costs
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.manifest import STATED, SequenceEntry
-from tracknoise.text import significant
-from tracknoise.words import DASH, SPACE, number, percent, pixels, px
 
 FORMAT = 1
 _USABLE = (Trust.trusted, Trust.limited)
@@ -145,24 +142,13 @@ def results_json(results: Results) -> str:
 
 def round_of(data: ReportData) -> Round:
     """What the trackers of a run made of its data, at its lowest speed."""
-    settings = data.shown(data.settings)
-    sequences = data.manifest.sequences
-    groups = groups_of_scenes(sequences, data.settings["dataset"].get("groups"))
-    values = _values(data)
-    (dataset,) = {entry.sequence.dataset for entry in sequences.values()}
-    scenes = values.scenes[dataset]
+    settings, sequences = data.shown(data.settings), data.manifest.sequences
+    groups, scenes = scene_results(data)
     to_set, costs = {one.tracker: one for one in noise_to_set(data)}, read_costs(data.run)
-    reference = data.conditions().reference
     kinds = {choice.get("name") or choice["kind"]: choice for choice in settings["trackers"]}
-    machine = ", ".join(
-        f"{value}{' cores' if name == 'cores' else ''}" for name, value in data.manifest.machine.items()
-    )
+    machine = ", ".join(f"{name} {value}" for name, value in data.manifest.machine.items())
     trackers = {}
-    for condition in values.keys:
-        named = dict(zip(POOLED, condition, strict=True))
-        tracker = str(named.pop("tracker"))
-        if any(named[name] != getattr(reference, name) for name in named if name != "dataset"):
-            continue
+    for tracker, numbers in scenes.items():
         one = to_set.get(tracker)
         trackers[tracker] = TrackerResult(
             kind=str(kinds[tracker]["kind"]),
@@ -171,36 +157,18 @@ def round_of(data: ReportData) -> Round:
             innovations_px=None if one is None else one.innovations.value,
             cpu_ms=costs.get(tracker),
             machine=machine,
-            scenes=scene_numbers(values, condition),
+            scenes=numbers,
         )
     return Round(
         experiment=tomlkit.dumps(_shared(settings)),
         folder=Path(data.settings["dataset"].get("root") or "").name,
         sequences={key: _identity(entry) for key, entry in sorted(sequences.items())},
-        groups=dict(zip(scenes, groups.of(dataset, scenes).tolist(), strict=True)),
+        groups=groups,
         versions=dict(data.manifest.versions),
         margin=data.margin,
         truth=str(data.truth.verdict),
         why=data.truth.text,
         trackers=trackers,
-    )
-
-
-def _values(data: ReportData) -> RunValues:
-    """What scenes measured."""
-    keys = sorted(data.manifest.sequences)
-
-    def of_errors(name: str) -> Iterator[pl.DataFrame]:
-        chosen = has_errors(data.population), pl.col("population") == data.population
-        return (table.filter(*chosen) for table in data.run.stacked_tables(name, keys))
-
-    return run_values(
-        of_errors("moments"),
-        of_errors("scales"),
-        data.run.stacked_tables("ends", keys),
-        data.run.stacked_tables("frames", keys),
-        data.run.statistics(CURVES),
-        population=data.population,
     )
 
 
@@ -261,98 +229,26 @@ def _line(text: str, other: str) -> str:
     return next((line for line in text.splitlines() if line not in lines), "nothing else")
 
 
-@dataclass(frozen=True, slots=True)
-class _Standing:
-    """A tracker of a round: what it made of a typical scene, and its ranks, by the roles of statistics."""
-
-    tracker: str
-    result: TrackerResult
-    typical: Mapping[str, Typical]
-    ranks: Mapping[str, tuple[int, int]]
-
-
-def _standings(of: Round) -> list[_Standing]:
-    """Trackers by best rank in the core, then by what to set.
+def standings(of: Round) -> Leaderboard:
+    """The leaderboard of a round.
 
     There are no ranks where poses were refined by tracks, which may favour trackers that are like these, or where
     scenes are too few.
     """
-    group = np.array([*of.groups.values()], dtype=np.intp)
+    group = group_array(of.groups)
     are_stated = {facts["poses"] for facts in of.sequences.values()} == {STATED}
     scenes = {tracker: {scene: one.scenes[scene] for scene in of.groups} for tracker, one in of.trackers.items()}
     ranked = ranks(scenes, group, margin=of.margin, level=LEVEL) if are_stated and len(scenes) > 1 else {}
     found = [
-        _Standing(
+        Standing(
             tracker,
-            one,
-            typical(scenes[tracker], group, LEVEL),
+            "",
+            UNKNOWN if one.sigma is None else number_of(*one.sigma),
+            of.truth not in _USABLE,
+            {role: number_of_role(role, value) for role, value in typical(scenes[tracker], group, LEVEL).items()},
             {role: ranked[tracker, role] for role in RANKED if (tracker, role) in ranked},
+            cost_of_step(one.cpu_ms),
         )
         for tracker, one in of.trackers.items()
     ]
-    return sorted(found, key=lambda one: (*one.ranks.get(RANKED[0], (0,))[:1], _sigma(one.result)))
-
-
-def standings(name: str, of: Round) -> Cells:
-    """The leaderboard of a round, by best rank in the core, then by what to set. Errors are of a typical scene."""
-    found = _standings(of)
-    rows = [
-        [
-            one.tracker,
-            _with_interval(one.result.sigma, _bound(of)),
-            *(_cell(one.typical.get(role), role, one.ranks.get(role)) for role in RANKED),
-            f"{significant(one.result.cpu_ms, 2)}{SPACE}ms" if one.result.cpu_ms is not None else DASH,
-        ]
-        for one in found
-    ]
-    headings = ["tracker", "sigma to set", *COLUMNS.values(), "CPU per step"]
-    is_ranked = any(one.ranks for one in found)
-    return Cells(_caption(name, of, is_ranked=is_ranked), headings, rows, [False, *([True] * (len(headings) - 1))])
-
-
-def ranked_sigmas(of: Round) -> dict[str, str]:
-    """What to set for each tracker of a round, px, with its ranks in the core in brackets; by name, the best first."""
-    return {one.tracker: _ranked_sigma(one, _bound(of)) for one in _standings(of)}
-
-
-def _ranked_sigma(one: _Standing, bound: str) -> str:
-    sigma = DASH if one.result.sigma is None else f"{bound}{pixels(one.result.sigma[0])}"
-    return f"{sigma} ({_span(one.ranks[RANKED[0]])})" if RANKED[0] in one.ranks else sigma
-
-
-def _span(ranks: tuple[int, int]) -> str:
-    best, worst = ranks
-    return str(best) if best == worst else f"{best}\N{EN DASH}{worst}"
-
-
-def _bound(of: Round) -> str:
-    return "" if of.truth in _USABLE else f"\N{LESS-THAN OR EQUAL TO}{SPACE}"
-
-
-def _caption(name: str, of: Round, *, is_ranked: bool) -> str:
-    scenes = f"{len(of.groups)} scenes" if len(of.groups) > 1 else "1 scene"
-    errors = f"Core and RMS of a typical scene at age {SHOWN_AGE}; lifetimes up to {LAST_AGE} frames."
-    ranked = " In brackets: ranks." if is_ranked else " Not ranked."
-    return f"{name}: {scenes}, truth {of.truth}. {errors}{ranked}"
-
-
-def _sigma(result: TrackerResult) -> float:
-    return float("inf") if result.sigma is None else result.sigma[0]
-
-
-def _with_interval(sigma: tuple[float, float | None, float | None] | None, bound: str) -> str:
-    if sigma is None:
-        return DASH
-    value, low, high = sigma
-    interval = "" if low is None or high is None or bound else f" [{pixels(low)}, {pixels(high)}]"
-    return f"{bound}{px(value)}{interval}"
-
-
-def _cell(found: Typical | None, role: str, span: tuple[int, int] | None) -> str:
-    if found is None:
-        return DASH
-    if role == "lifetime":
-        text = f"{number(found.value)}{SPACE}frames"
-    else:
-        text = percent(found.value) if role == "outlier_ratio" else px(found.value)
-    return text if span is None else f"{text} ({_span(span)})"
+    return Leaderboard(tuple(found), RANKED, len(of.groups), of.margin)

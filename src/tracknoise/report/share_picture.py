@@ -33,7 +33,7 @@ def png(summary: Summary, shown: AnswerPlot | None, strip: Strip | None, board: 
         Of many trackers: their ranks are shown in place of curves.
     """
     if board is not None:
-        parts = [*_ranked(board)]
+        parts = [*_ranked(board, summary)]
     elif shown is not None:
         parts = [*_curves(shown, strip)]
     else:
@@ -62,22 +62,21 @@ def _curves(shown: AnswerPlot, strip: Strip | None) -> Iterator[Markup]:
         yield _text(48, 594, 18, strip.caption)
 
 
-def _ranked(board: Leaderboard) -> Iterator[Markup]:
+def _ranked(board: Leaderboard, summary: Summary) -> Iterator[Markup]:
     """Ranks and sigmas of the first trackers, in two columns."""
-    title, _, reason = board.leader.partition(". ")
+    title, _, reason = board.leader_with(summary.settings).partition(". ")
     yield _text(48, 84, 48, f"{title}.", weight=700)
     yield _text(48, 126, 24, reason)
-    rows = board.rows[:_MOST_RANKED]
+    rows, role = board.rows[:_MOST_RANKED], board.roles[0]
     half = -(-len(rows) // 2)
     for place, row in enumerate(rows):
         x, y = 48 + 580 * (place // half), 220 + 40 * (place % half)
-        sigma, ranked = row.entries[0], row.entries[1]
         if place % half == 0:
             yield from (_text(x + at, 178, 18, name) for at, name in ((0, "rank"), (130, "tracker"), (380, "sigma")))
-        yield _text(x, y, 24, ranked.ranks)
+        yield _text(x, y, 24, row.span(role))
         yield _text(x + 130, y, 24, shortened(printable(row.tracker), 18), weight=700)
-        yield _text(x + 380, y, 24, f"{'at most ' if row.is_bound else ''}{sigma.number.text}")
-    left = len(board.rows) - len(rows)
+        yield _text(x + 380, y, 24, f"{'at most ' if row.is_bound else ''}{row.sigma.text}")
+    left = len(board.standings) - len(rows)
     yield _text(48, 594, 18, f"Ranks in {board.ranked_by}{f'; {left} more' if left else ''}")
 
 

@@ -15,7 +15,7 @@ from tracknoise.report.answer import noise_to_set
 from tracknoise.report.figures import marks
 from tracknoise.report.figures.figure import Absence, Figure, Sections
 from tracknoise.report.figures.panels import Panel, arranged, layered
-from tracknoise.report.leaderboard import TITLES, how_to_read, order_of, roles_of
+from tracknoise.report.leaderboard import TITLES, leaderboard, roles_of
 from tracknoise.report.report_data import ReportData
 from tracknoise.report.style import PAPER, QUIET
 from tracknoise.tables.costs import read_costs
@@ -35,10 +35,10 @@ _STEPS_PX = (0.0, 12.0, -12.0, 24.0, -24.0, 36.0, -36.0)
 
 def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
     """Ranges of ranks, a panel for each statistic."""
-    ranks = ranks_by_role(data)
-    if ranks.is_empty():
+    ranks, board = ranks_by_role(data), leaderboard(data)
+    if board is None:
         return []
-    order, roles = order_of(ranks, {one.tracker: one for one in noise_to_set(data)}), roles_of(ranks)
+    order, roles = [one.tracker for one in board.rows], roles_of(ranks)
     panels = [Panel(_span_chart(ranks.filter(role=role), order, data.colour, first=role == roles[0])) for role in roles]
     best = {role: ranks.filter(role=role, best=1)["tracker"].to_list() for role in roles}
     told = [f"By {TITLES[role]}: {listing(names)}." for role, names in best.items() if len(names) < len(order)]
@@ -46,7 +46,7 @@ def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
         Figure(
             _RANKING,
             "Ranks of trackers",
-            f"A bar goes from the best to the worst rank that a tracker may have. {how_to_read(data, ranks)} Every two "
+            f"A bar goes from the best to the worst rank that a tracker may have. {board.reading} Every two "
             "are compared within scenes.",
             f"Trackers of rank 1. {' '.join(told)}" if told else "No tracker is shown to be better than another.",
             arranged(panels, columns=len(panels)),

@@ -138,7 +138,7 @@ class Chooser {
   offer() {
     const { window, features } = this.form;
     const list = this.settings;
-    features.replaceChildren(...list.map((one, place) => new Option(one.features ?? "independent", place)));
+    features.replaceChildren(...list.map((one, place) => new Option(one.features ? `of ${one.features} features` : "ignored", place)));
     features.parentElement.hidden = list.length < 2;
     const lengths = Object.keys(list[0]?.windows ?? {});
     window.replaceChildren(...lengths.map((length) => new Option(length, length)));
@@ -170,11 +170,9 @@ class Chooser {
       const cell = row.querySelector(".sigma");
       const most = cell.querySelector(".most");
       const inBoard = Boolean(row.closest(".board"));
-      cell.replaceChildren(written("b", sigma || (inBoard ? why : "")), " ", ...(most ? [most] : inBoard ? [] : [written("span", interval, "ends")]));
-      if (inBoard) {
-        cell.title = interval;
-        cell.dataset.key = Number.parseFloat(sigma);
-      }
+      const ends = inBoard && interval ? `[${interval}]` : interval;
+      cell.replaceChildren(written("b", sigma || (inBoard ? why : "")), " ", most ?? written("span", ends, "ends"));
+      cell.dataset.key = Number.parseFloat(sigma);
       row.querySelector(".limit")?.replaceChildren(limit);
       row.querySelector(".innovations")?.replaceChildren(innovations);
     }

@@ -36,7 +36,7 @@ def speeds(statistic, *verdicts, **columns):
     ("verdicts", "sentence"),
     [
         ({"consistent_sigma": BETTER, "residual_sigma": WORSE},
-         "after is better for depths; before has smaller residuals."),
+         "after is better for depths; before has only smaller residuals."),
         ({"consistent_sigma": WORSE, "core": WORSE, "lifetime": BETTER},
          "before is better for depths and has smaller typical errors; after has longer tracks."),
         ({"consistent_sigma": BETTER, "overconfidence": BETTER}, "after is better for depths."),

@@ -143,7 +143,7 @@ def test_what_scenes_share_cancels_between_levels() -> None:
 
 def test_where_scenes_scatter_too_much_it_is_undecided() -> None:
     row = answer(moments({1: 1.0, 2: 1.0}, own=0.3, seed=2))
-    assert (row["verdict"], row["why"]) == ("undecided", "the interval contains the margin")
+    assert (row["verdict"], row["why"]) == ("undecided", "the interval crosses the margin")
     assert row["low"] <= row["margin"] <= row["high"]
     assert row["more_scenes"] is None or row["more_scenes"] > 12
 

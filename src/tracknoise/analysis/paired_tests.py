@@ -195,10 +195,10 @@ def is_beyond(p: float, level: float) -> bool:
 
 
 def why_open(p: float, p_none: float, level: float, *, contains: bool, otherwise: str) -> str:
-    """Why an answer is undecided of enough scenes. `contains`: whether the interval contains the margin."""
+    """Why an answer is undecided of enough scenes. `contains`: whether the interval crosses the margin."""
     if p <= 1 - level or is_below(p_none, level):
         return "not significant after the correction for multiple tests"
-    return "the interval contains the margin" if contains else otherwise
+    return "the interval crosses the margin" if contains else otherwise
 
 
 def enough_scenes(averages: Averages, resampled: Resampled) -> NDArray[np.bool_]:
@@ -349,7 +349,7 @@ class Change:
         return min(self.sides, key=lambda sign: self.sides[sign].p_beyond)
 
     def straddles(self, margin: float) -> bool:
-        """Whether the interval contains the margin of either direction."""
+        """Whether the interval crosses the margin of either direction."""
         return self.low <= margin <= self.high or self.low <= -margin <= self.high
 
     def held_by(self, alone: Sequence["Change | None"], level: float) -> "Change":

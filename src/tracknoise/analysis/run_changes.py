@@ -41,7 +41,7 @@ from tracknoise.inference.paired_differences import Differences
 from tracknoise.inference.units import MIN_SCENES, Resampled
 from tracknoise.tables.defaults import MARGIN
 from tracknoise.tables.enumerations import ChangeVerdict, ComparedAges, Verdict
-from tracknoise.words import only, place
+from tracknoise.words import count, only, place
 
 
 class OfEstimand:
@@ -161,7 +161,7 @@ class Asked(OfEstimand):
         tests, gap = change(self.values, question, ages), None
         if tests is None:
             with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
-            gap = f"{only(with_data, 'scene')} with enough data in both runs; {AT_LEAST}"
+            gap = f"{with_data} of {count(self.n_scenes, 'scene')} with enough data in both runs; {AT_LEAST}"
         elif tests.kinds_disagree:
             gap = f"{DISAGREE} {' and '.join(dict.fromkeys((self.of.tracker, self.of.other_tracker)))}"
         elif (self.values.unlike[0] & tests.compared).any():

@@ -169,9 +169,7 @@ def _why(setting: NoiseToSet, landmark: Landmark) -> str:
         return "Innovations do not show errors that look like another depth."
     if landmark in (Landmark.EXACT, Landmark.KNOWN):
         return "Its points are not fitted to the track: the whole error since the first position counts."
-    return (
-        "Its errors add up along a track and look like another depth: a filter tuned to innovations is overconfident."
-    )
+    return "Errors that add up along a track look like another depth: a filter tuned to innovations is overconfident."
 
 
 def _alike(first: float, second: float) -> bool:

@@ -428,7 +428,7 @@ DEPTH_NOISE = Topic(
             "residual_sigma",
             f"Residual core of windows of observations: {OVER_SCENES} and lengths of windows.",
             _of_windows("residual_core"),
-            Wording("has smaller residuals", "residuals are", is_secondary=True),
+            Wording("has only smaller residuals", "residuals are", is_secondary=True),
             called="residual core",
         ),
         Estimand(

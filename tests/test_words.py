@@ -87,7 +87,7 @@ def test_a_huge_ratio_is_not_written_out() -> None:
     [
         ("scenes", "95 % intervals over 8 scenes"),
         ("groups", "95 % intervals over groups of 8 scenes"),
-        ("within", "95 % intervals over 8 scenes within their groups"),
+        ("within", "95 % intervals over 8 scenes, resampled within their groups"),
         ("blocks", "95 % intervals from blocks of tracks resampled within 8 scenes"),
     ],
 )
@@ -99,8 +99,8 @@ def test_how_much_scenes_differ_is_said() -> None:
     said = coverage_sentence("There", 0.95, 0.883).replace(SPACE, " ")
     assert said == "There a 95 % interval can cover as little as 88 % in data like yours."
     assert {coverage_sentence("There", 0.95, covered) for covered in (0.95, 0.99, None)} == {""}
-    assert spread_text(0.64, "px", is_scale=True) == "scenes differ by a factor of 1.9"
-    assert spread_text(0.64, "share", is_scale=True) == "scenes differ by a factor of 1.9 in odds"
-    assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "scenes differ by 0.120 px"
-    assert next_scene_text(0.2, 1.4, "px").replace(SPACE, " ") == "the next scene: 0.200 to 1.400 px"
-    assert next_scene_text(0.021, 0.4, "share").replace(SPACE, " ") == "the next scene: 2.1 % to 40.0 %"
+    assert spread_text(0.64, "px", is_scale=True) == "varies between scenes by a factor of 1.9"
+    assert spread_text(0.64, "share", is_scale=True) == "varies between scenes by a factor of 1.9 in odds"
+    assert spread_text(0.12, "px", is_scale=False).replace(SPACE, " ") == "varies between scenes by 0.120 px"
+    assert next_scene_text(0.2, 1.4, "px").replace(SPACE, " ") == "0.200 to 1.400 px are expected in the next scene"
+    assert next_scene_text(0.021, 0.4, "share").replace(SPACE, " ") == "2.1 % to 40.0 % are expected in the next scene"

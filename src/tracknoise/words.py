@@ -58,7 +58,7 @@ _RMS_OF_TRACKS = {Trimming.untrimmed: "RMS over all tracks", Trimming.trimmed: "
 _RESAMPLED: Mapping[str, str] = {
     Resampled.scenes: "over {}",
     Resampled.groups: "over groups of {}",
-    Resampled.within: "over {} within their groups",
+    Resampled.within: "over {}, resampled within their groups",
     Resampled.blocks: "from blocks of tracks resampled within {}",
 }
 
@@ -235,7 +235,7 @@ def intervals_at(level: float) -> str:
 def coverage_sentence(opening: str, level: float, coverage: float | None) -> str:
     """Write the coverage of untested intervals; empty where it is not known, or not below the level as it is written.
 
-    ``There a 95 % interval can cover as little as 88 % in data like yours.``
+    ``For this number, a 95 % interval can cover as little as 88 % in data like yours.``
 
     Parameters
     ----------
@@ -253,9 +253,9 @@ def coverage_sentence(opening: str, level: float, coverage: float | None) -> str
 
 
 def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
-    """Write how much scenes differ: ``scenes differ by a factor of 1.9``, or ``scenes differ by 0.120 px``.
+    """Write how much scenes differ: ``varies between scenes by a factor of 1.9``, or ``by 0.120 px``.
 
-    Shares differ by a factor ``in odds``.
+    Shares vary by a factor ``in odds``.
 
     Both are one standard deviation.
 
@@ -269,13 +269,13 @@ def spread_text(spread: float, unit: str, *, is_scale: bool) -> str:
         Whether the spread is that of logarithms, or of logits: of scales, lifetimes and shares.
     """
     if is_scale:
-        factor = f"scenes differ by a factor of {number(math.exp(spread), digits=2)}"
+        factor = f"varies between scenes by a factor of {number(math.exp(spread), digits=2)}"
         return f"{factor} in odds" if unit == "share" else factor
-    return f"scenes differ by {px(spread) if unit == 'px' else f'{number(spread)}{SPACE}{unit}'}"
+    return f"varies between scenes by {px(spread) if unit == 'px' else f'{number(spread)}{SPACE}{unit}'}"
 
 
 def next_scene_text(low: float, high: float, unit: str) -> str:
-    """Write where the next scene is expected: ``the next scene: 0.200 to 1.400 px``.
+    """Write where the next scene is expected: ``0.200 to 1.400 px are expected in the next scene``.
 
     Parameters
     ----------
@@ -285,9 +285,9 @@ def next_scene_text(low: float, high: float, unit: str) -> str:
         px, share, or another.
     """
     if unit == "share":
-        return f"the next scene: {percent(low)} to {percent(high)}"
+        return f"{percent(low)} to {percent(high)} are expected in the next scene"
     write = pixels if unit == "px" else number
-    return f"the next scene: {write(low)} to {write(high)}{SPACE}{unit}"
+    return f"{write(low)} to {write(high)}{SPACE}{unit} are expected in the next scene"
 
 
 _WHOLE = 1e-6
@@ -422,8 +422,8 @@ def _better(row: Mapping[str, Any]) -> str:
 
 def bounded_sentences(row: Mapping[str, Any], role: str) -> list[str]:
     """Write how large the difference of any two levels is at most, and the horizon of a lifetime."""
-    change = f"changes the {subject(row, role)} at most {bound_text(row['most'], row['unit'])}"
-    return [f"{sentence_case(factor_name(row['factor']))} {change}.", *_until(row)]
+    change = f"changes the {subject(row, role)} by at most {bound_text(row['most'], row['unit'])}"
+    return [f"The {factor_name(row['factor'])} {change}.", *_until(row)]
 
 
 def level_text(factor: str, level: str) -> str:
@@ -453,4 +453,4 @@ def _ratio(value: float | None) -> str:
 
 def _where(row: Mapping[str, Any]) -> list[str]:
     """The coordinate and the place of a difference that is known at one alone, as a sentence."""
-    return [] if row["at"] is None else [f"This is in {row['coordinate']} {place(row['axis'], row['at'])}."]
+    return [] if row["at"] is None else [f"This difference is in {row['coordinate']} {place(row['axis'], row['at'])}."]

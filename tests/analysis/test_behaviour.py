@@ -84,7 +84,7 @@ def test_errors_are_constant_where_they_are_shown_not_to_grow(related: float, ex
 def test_growth_whose_kind_is_open_is_still_growth() -> None:
     assert behaves(growth(RISES, {**SIZES, "walk": NONE}), changes(), MARGIN) == (
         "undecided",
-        "random walk or drift is open",
+        "neither random walk nor drift is established",
     )
 
 

@@ -118,7 +118,7 @@ def test_under_six_scenes_there_is_no_test(n_scenes):
     found = found_in(scene_means(np.random.default_rng(9), n_scenes, 3, bias=50.0), min_features=1)
     assert found["verdict"].unique().to_list() == ["undecided"]
     scenes = "1 scene" if n_scenes == 1 else f"{n_scenes} scenes"
-    assert found["why"].unique().to_list() == [f"a test at 5 % needs at least 6 scenes; found {scenes}"]
+    assert found["why"].unique().to_list() == [f"a test at 5 % needs at least 6 scenes; this one has {scenes}"]
     assert found["sign_flip_p"].null_count() == found["hotelling_p"].null_count() == found.height
     assert found.drop_nulls("at")["effect_px"].min() > 10
 
@@ -130,7 +130,7 @@ def test_ages_that_few_scenes_reach_are_not_tested_and_do_not_count_in_the_adjus
     last = found.row(by_predicate=pl.col("at") == 4, named=True)
     assert last["sign_flip_p"] is None
     assert last["sign_flip_p_adjusted"] is None
-    assert last["why"] == "a test at 5 % needs at least 6 scenes; found 3 scenes"
+    assert last["why"] == "a test at 5 % needs at least 6 scenes; this one has 3 scenes"
     without = found_in(means[:, :4]).drop_nulls("at")
     assert found.head(3)["sign_flip_p_adjusted"].equals(without["sign_flip_p_adjusted"])
     assert found.head(3)["hotelling_p_adjusted"].equals(without["hotelling_p_adjusted"])

@@ -99,5 +99,5 @@ def test_a_check_of_a_simulated_world_says_that_the_kind_was_not_tried(tracknois
     options = ('motions=["fixating"]', "frames=12", "width=200", "height=150", "supersampling=1")
     status, text, _ = tracknoise("check", "simulated", *(part for one in options for part in ("--option", one)))
     assert status == 0  # simulated: stated to be exact
-    assert "Not tried: that depth is the distance along the ray" in " ".join(text.split())
+    assert "Depth along the ray was not tried" in " ".join(text.split())
     assert "depths are z by construction (from the surfaces of a simulated world)" in " ".join(text.split())

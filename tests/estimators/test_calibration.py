@@ -175,10 +175,13 @@ def test_the_figure_shows_the_classes_and_where_they_agree(planted_run: Path, gr
         table = spec["datasets"][layer["data"]["name"]]
         assert table.count("\n") == len(found.reliability) + 1
         assert f"{found.reliability[0].measured_px:.4g}" in table
-    for resampled, text in (("within", "over 8 scenes within their groups"), ("groups", "over groups of 8 scenes")):
+    for resampled, text in (
+        ("within", "over 8 scenes, resampled within their groups"),
+        ("groups", "over groups of 8 scenes"),
+    ):
         shown = reliability(replace(found, resampled=Resampled(resampled)), title="").shows
         assert f"Bars are 95\xa0% intervals {text}. " in shown
-    assert "8 scenes within their groups" in figure.shows  # those of one motion are a group
+    assert "8 scenes, resampled within their groups" in figure.shows  # those of one motion are a group
     alone = check_model(growing, RunFolder(planted_run), scenes=growing.training.scenes[:2])
     assert "Bars" not in reliability(alone, title="").shows
 

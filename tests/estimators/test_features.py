@@ -36,8 +36,8 @@ def test_sigma_squared_grows_with_the_number_of_features() -> None:
     ("changes", "why"),
     [
         ({"share": None}, "whether they have errors in common is unknown"),
-        ({"share": Interval(value=0.05, low=0.0, high=0.1)}, "that this is above 0 is not established"),
-        ({"truth": TruthVerdict(Trust.limited, "It is limited.", "")}, "errors of the truth may be what they have"),
+        ({"share": Interval(value=0.05, low=0.0, high=0.1)}, "a share above 0 is not established"),
+        ({"truth": TruthVerdict(Trust.limited, "It is limited.", "")}, "errors in common may be errors of the truth"),
     ],
 )
 def test_sigma_stays_and_says_why_where_errors_in_common_are_not_known(changes: dict[str, object], why: str) -> None:

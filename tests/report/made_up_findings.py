@@ -28,7 +28,7 @@ BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
 AUDITED = "The focal length is 10 % too long (100 ± 2 px instead of 110)."
 LIMITED = "Errors of the truth can explain up to 12.0 % of the squared errors."
-FEW = "a test at 5 % needs at least 6 scenes; found {} scenes"
+FEW = "a test at 5 % needs at least 6 scenes; this one has {} scenes"
 
 
 def made_up(tables: Mapping[str, pl.DataFrame], *, population: str) -> dict[str, pl.DataFrame]:
@@ -214,7 +214,7 @@ def window_sigmas(curves: pl.DataFrame) -> pl.DataFrame:
 
 
 def advice(curves: pl.DataFrame) -> pl.DataFrame:
-    """Sigma of 0.2 px for a filter whose innovations look like 0.1 px, and its gates."""
+    """Sigma of 0.2 px for a filter whose innovations suggest 0.1 px, and its gates."""
     values = {"sigma": 0.2, "innovations": 0.1, "track_gate": 0.3, "observation_gate": 0.5}
     table = _conditions(curves).with_columns(
         estimator=pl.lit("filter"), landmark=pl.lit("free"), purpose=pl.lit("newest_pose"), window=pl.lit(11)

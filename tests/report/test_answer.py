@@ -159,7 +159,7 @@ def test_findings_about_one_tracker_name_it(data: ReportData) -> None:
     assert found["pose errors"].endswith(f" of the squared errors of {first}.")
     pairs = data.nominal(data["tracker_differences"]).filter("established")
     row = data.in_order(pairs).row(0, named=True)
-    expected = f"at the same corners, the mean position of {row['tracker']} less that of {row['other']} is 0.100"
+    expected = f"at the same corners, the mean position of {row['tracker']} minus that of {row['other']} is 0.100"
     assert found["differences"].startswith(f"In these scenes, {expected}")
     assert found["differences"].endswith(" in u.")
 
@@ -190,10 +190,10 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     [
         (
             "yes",
-            "Typical error: {a} is better than {b} by 1.50 times (1.20 to 1.90) in the core; large errors make the ",
+            "Typical errors (core) of {b} are 1.50 times (1.20 to 1.90) those of {a}; large errors give {a} the ",
         ),
-        ("undecided", "Undecided: the core error of {b} is 1.50 times that of {a} (1.20 to 1.90), but its "),
-        ("no", "Typical error: {x} and {y} are equal within a factor of 1.10; large errors make the "),
+        ("undecided", "Undecided: the core error of {b} is 1.50 times (1.20 to 1.90) that of {a}, but its "),
+        ("no", "Typical errors of {x} and {y} are equal within a factor of 1.10; large errors make the "),
     ],
 )
 def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: str, expected: str) -> None:
@@ -203,9 +203,9 @@ def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: s
     turned = with_rms(compared(data, verdict), **{names["a"]: 2.0, names["b"]: 1.0})
     text = summarise(turned).accuracy.text
     assert text.startswith(expected.format(**names))
-    ends = {"yes": "of {a} larger", "undecided": "is smaller", "no": "of {a} 2.0 times as large"}
-    end = ends[verdict].format(**names)
-    assert text.endswith(f"RMS over the kept tracks {end}.")
+    ends = {"yes": "", "undecided": "is smaller", "no": "of {a} 2.0 times as large"}
+    end = f"RMS over the kept tracks {ends[verdict].format(**names)}".rstrip()
+    assert text.endswith(f"{end}.")
 
 
 def test_a_difference_that_rounds_to_nothing_is_not_contrasted(data: ReportData) -> None:
@@ -300,7 +300,7 @@ def with_tests(data: ReportData, *, own: float, family: float, low: float) -> Re
             0.01,
             0.2,
             "yes",
-            "at age 10, lucas-kanade is biased by 0.300 px; over all ages and conditions together this is not "
+            "at age 10, lucas-kanade is biased by 0.300 px; over all ages and conditions together, no bias is "
             "established (p = 0.2).",
         ),
         (0.2, 0.3, "undecided", "no bias of lucas-kanade is established; its mean error is 0.300 px (0 to 0.6"),
@@ -308,8 +308,8 @@ def with_tests(data: ReportData, *, own: float, family: float, low: float) -> Re
             0.2,
             0.02,
             "undecided",
-            "at age 10 alone no bias of lucas-kanade is shown; over all ages and conditions together the mean is not "
-            "zero (p = 0.02).",
+            "at age 10 alone, no bias of lucas-kanade is established; over all ages and conditions together, the mean "
+            "is not zero (p = 0.02).",
         ),
     ],
 )
@@ -348,13 +348,13 @@ def test_growth_is_told_of_the_coordinate_that_all_cards_show(data: ReportData) 
     found = measure(summarise(fitted(data, "u", growth_ratio=9.0)), "lucas-kanade", "growth")
     assert shown_size(data)[1] == "v"
     assert found.answer.verdict == "yes"
-    assert "their RMS in v grows 1.50 times (1.48 to 1.52)" in found.sentence.replace(SPACE, " ")
+    assert "their RMS in v becomes 1.50 times (1.48 to 1.52) as large" in found.sentence.replace(SPACE, " ")
     assert found.note.startswith("RMS in v of the same tracks from age 1 to 10; ")
 
 
 @pytest.mark.parametrize(
     ("grows", "kind", "word"),
-    [("yes", "undecided", "how is open"), ("undecided", "undecided", "undecided"), ("no", "white", "constant")],
+    [("yes", "undecided", "kind undecided"), ("undecided", "undecided", "undecided"), ("no", "white", "constant")],
 )
 def test_whether_errors_grow_and_how_are_two_answers(data: ReportData, grows: str, kind: str, word: str) -> None:
     turned = data
@@ -384,7 +384,7 @@ def test_tails_are_asked_of_the_errors_that_the_run_is_about(data: ReportData) -
     found = measure(summarise(dataclasses.replace(data, settings=untrimmed)), "lucas-kanade", "tails")
     assert found.answer.verdict == "yes"
     assert (found.number.value, found.reference) == (31.0, 8.0)
-    assert found.note.startswith("pooled kurtosis, ages 10 to 19 (Gaussian: 8)")
+    assert found.note.startswith("pooled kurtosis (Mardia's: 8 for a Gaussian), ages 10 to 19")
 
 
 def with_truth(data: ReportData, verdict: str, **numbers: float) -> ReportData:
@@ -466,8 +466,8 @@ def test_without_intervals_numbers_hold_for_their_scenes_only(data: ReportData) 
 
 def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: ReportData) -> None:
     expected = (
-        "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px. "
-        "This is for windows of 11 frames."
+        "In these scenes, set 0.200 px and a track gate of 0.300 in a filter; innovations suggest 0.100 px. "
+        "These settings are for windows of 11 frames."
     )
     assert card(summarise(data), "lucas-kanade").sigma == expected
     none = data.with_tables(advice=data["advice"].clear())
@@ -477,16 +477,16 @@ def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: Repor
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations look like "
-        "0.100 px. This is for windows of 11 frames. The truth is not trusted. The tracker alone may have "
-        f"0.100{SPACE}px."
+        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations suggest "
+        "0.100 px. These settings are for windows of 11 frames. The truth is not trusted. The noise of the tracker "
+        f"alone may be as small as 0.100{SPACE}px."
     )
 
 
 def test_the_finding_about_estimators_names_each_tracker_and_leads_to_its_section(data: ReportData) -> None:
     (found,) = (one for one in summarise(data).findings if one.topic == "estimator")
     assert [one.section for one in found.statements] == ["estimator"] * len(data.trackers)
-    advice = "set 0.200 px and a track gate of 0.300 in a filter; innovations look like 0.100 px."
+    advice = "set 0.200 px and a track gate of 0.300 in a filter; innovations suggest 0.100 px."
     expected = f"lucas-kanade: in these scenes, {advice}"
     assert expected in [one.text for one in found.statements]
 

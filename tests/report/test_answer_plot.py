@@ -1,4 +1,4 @@
-"""The picture of the first screen says what innovations look like and what to set, and shows the worst track."""
+"""The picture of the first screen says what innovations suggest and what to set, and shows the worst track."""
 
 import re
 
@@ -27,8 +27,8 @@ def to_set(sigma, innovations, *, tracker="oracle", is_bound=False):
 @pytest.mark.parametrize(
     ("one", "title"),
     [
-        (to_set(0.16, 0.069), "Your innovations say 0.069 px. Set 0.160 px."),
-        (to_set(0.16, 0.069, is_bound=True), "Your innovations say 0.069 px. Sigma is at most 0.160 px."),
+        (to_set(0.16, 0.069), "Your innovations suggest 0.069 px. Set 0.160 px."),
+        (to_set(0.16, 0.069, is_bound=True), "Your innovations suggest 0.069 px. Sigma is at most 0.160 px."),
         (to_set(0.5, 0.49), "Your innovations are right: set 0.500 px."),
     ],
 )
@@ -41,7 +41,7 @@ def test_it_is_about_the_tracker_that_residuals_mislead_most(model):
     settings = [to_set(0.5, 0.4, tracker="a"), to_set(0.5, 0.1, tracker="b"), to_set(0.5, 0.2, tracker="c")]
     found = answer_plot(dict.fromkeys("abc", model), "filter", settings)
     assert found.subject == "b; windows of 11 frames"
-    assert found.heading.startswith("With b, innovations say")
+    assert found.heading.startswith("With b, innovations suggest")
     assert [curve.tracker for curve in found.curves] == ["b", "a", "c"]
 
 

@@ -11,8 +11,8 @@ from tracknoise.tables.store import RunFolder
 from tracknoise.topics.depth_topic import depth_sentence, depth_shares
 
 SENTENCE = (
-    "lucas-kanade: with the residual core, a 95 % depth interval holds 57 % of true depths; with the sigma for "
-    "depths, 80 %."
+    "lucas-kanade: 95 % depth intervals contain 57 % of the true depths with the residual core, and 80 % with the "
+    "sigma for depths."
 )
 
 
@@ -58,12 +58,12 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
     (figure,) = noise_models.depth_interval_figures(data)
     assert isinstance(figure, Figure)
     assert (
-        "For lucas-kanade, 95 % intervals hold 57 % with the residual core, 80 % with the consistent sigma, 82 % with "
-        "the covariance of whole tracks." in plain(figure.look_for)
+        "95 % intervals of lucas-kanade contain these shares of true depths: 57 % from the residual core, 80 % from "
+        "the sigma for depths, 82 % from the covariance of whole tracks." in plain(figure.look_for)
     )
     assert "Windows of 15 observations." in figure.shows
-    assert plain(figure.message).startswith("With the residual core, 95 % depth intervals of ")
-    assert plain(figure.message).endswith(" hold 57 %")
+    assert plain(figure.message).startswith("95 % depth intervals of ")
+    assert plain(figure.message).endswith(" from the residual core contain 57 % of depths")
 
 
 def test_nothing_is_established_where_the_interval_holds_the_level(data: ReportData) -> None:

@@ -44,7 +44,7 @@ def test_it_begins_with_the_verdict_what_the_audit_found_and_how_to_correct_it(d
     ("share", "limit"),
     [
         (0.0, "The truth is stated to be exact"),
-        (0.25, "Less than half of the second moment can be the truth's up to age"),
+        (0.25, "Errors of the truth can explain less than half of the second moment up to age"),
         (0.75, "Do not take a covariance from this recording"),
     ],
 )
@@ -68,7 +68,7 @@ def test_ages_at_which_the_truth_is_the_smaller_part_are_named(data: ReportData)
     """White errors of poses are the same at every age, so that young features have the larger share of them."""
     shown = data.points.filter(role="second", trimming=data.trimming, population=data.population)
     last = shown["since"].max()
-    reason = "more than half of it can be the truth's."
+    reason = "errors of the truth can explain more than half of the second moment."
     young = limit_of(data, pl.col("at") <= 2)
     assert young == f"Take a covariance from this recording only from age 3 to age {last}: elsewhere, {reason}"
     assert limit_of(data, pl.col("at") >= 5) == (f"Do not take a covariance beyond age 4 from this recording: {reason}")

@@ -60,31 +60,40 @@ def said(
 def test_too_small_covariances_have_their_factor() -> None:
     of = {"verdict": "no", "of_use": "yes", "inside": 0.71, "half": 0.3}
     text, brief = said((3.2, 2.9, 3.5), (0.2, 0.1, 0.3), **of)
-    assert "lk's own covariances are too small: 95 % regions hold 71 %." in text
+    assert "lk's own covariances are too small: 95 % regions contain 71 % of the errors." in text
     assert "They would have to be multiplied by 3.20 (2.90 to 3.50)." in text
-    assert "Scaled, they gain 0.200 nat (0.100 to 0.300) per error over one sigma." in text
+    assert "After scaling, they gain 0.200 nat (0.100 to 0.300) per error over one sigma for all." in text
     assert "Their shape is right." in text
-    assert (
-        "They tell which errors are large: those predicted as large are 2.00 (1.80 to 2.20) times the others." in text
-    )
-    assert brief == "lk's own covariances are too small: 95 % regions hold 71 %, multiply by 3.2."
+    ratio = "errors that are predicted as large are 2.00 (1.80 to 2.20) times the others"
+    assert f"Larger covariances have larger errors: {ratio}." in text
+    assert brief == "lk's own covariances are too small: 95 % regions contain 71 % of the errors, multiply by 3.2."
     assert "multiplied by at most 3.20" in said((3.2, 2.9, 3.5), (0.2, 0.1, 0.3), trust="limited", **of)[0]
 
 
 @pytest.mark.parametrize(
     ("nees", "verdict", "half", "says"),
     [
-        ((1.0, 0.98, 1.02), "yes", 0.5, "lk's own covariances are right in size: 95 % regions hold 94 %."),
+        (
+            (1.0, 0.98, 1.02),
+            "yes",
+            0.5,
+            "lk's own covariances are right in size: 95 % regions contain 94 % of the errors.",
+        ),
         ((0.3, 0.2, 0.4), "no", 0.9, "lk's own covariances are too large"),
         ((1.4, 0.8, 2.4), "undecided", 0.4, "Whether lk's own covariances are right in size is undecided"),
         ((3.0, 2.5, 3.5), "undecided", 0.4, "They look too small, but errors of the truth can be the reason."),
-        ((3.0, 2.5, 3.5), "no", 0.6, "But 50 % regions hold 60 %: a few large errors make the factor"),
+        (
+            (3.0, 2.5, 3.5),
+            "no",
+            0.6,
+            "But 50 % regions contain 60 % of the errors: a few large errors cause the factor",
+        ),
     ],
 )
 def test_each_verdict_is_said(nees, verdict, half, says) -> None:
     text, _ = said(nees, (-0.2, -0.3, -0.1), verdict=verdict, of_use="no", inside=0.94, half=half)
     assert says in text
-    assert "One sigma for all is better: scaled, they gain \N{MINUS SIGN}0.200 nat" in text.replace(
+    assert "One sigma for all is better: after scaling, they gain \N{MINUS SIGN}0.200 nat" in text.replace(
         "-0.2", "\N{MINUS SIGN}0.2"
     )
 
@@ -109,8 +118,8 @@ def test_a_wrong_shape_is_said_although_the_size_is_right(shape, says) -> None:
 
 def test_equal_sizes_do_not_tell_which_errors_are_large_although_they_gain() -> None:
     text, brief = said(RIGHT, (0.3, 0.2, 0.4), of_use="yes", ranking=((1.0, None, None), "no"), **SOME)
-    assert "They do not tell which errors are large: all have one size." in text
-    assert "Scaled, they gain 0.300 nat" in text
+    assert "They do not say which errors are large: all have one size." in text
+    assert "After scaling, they gain 0.300 nat" in text
     assert "One sigma" not in text + brief
 
 

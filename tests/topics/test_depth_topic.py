@@ -41,10 +41,10 @@ def test_a_sentence_says_how_many_depths_each_noise_holds() -> None:
     found = headline(shares())
     assert found is not None
     assert text(shares()) == (
-        "95 % depth intervals at speed 1, from untrimmed errors. Windows have 15 frames. lk: with the "
-        "residual core they hold 62 % (57 to 66) of the true depths. With the sigma for depths they hold 94 % "
-        "(89 to 98). With the covariance of whole tracks they hold 95 % (90 to 99). The noise was learned from other "
-        "scenes than it was tried on. In brackets: 95 % intervals over 8 scenes."
+        "Coverage of 95 % depth intervals at speed 1, from untrimmed errors. Windows have 15 frames. lk: intervals "
+        "from the residual core contain 62 % (57 to 66) of the true depths. Intervals from the sigma for depths "
+        "contain 94 % (89 to 98). Intervals from the covariance of whole tracks contain 95 % (90 to 99). The noise of "
+        "each interval was learned from other scenes. Brackets hold 95 % intervals over 8 scenes."
     )
     assert (found.figure, found.table) == ("estimator", "depth_intervals")
     assert found.estimate is not None
@@ -53,7 +53,7 @@ def test_a_sentence_says_how_many_depths_each_noise_holds() -> None:
 
 def test_what_was_not_learned_is_left_out() -> None:
     only = {name: HELD[name] for name in ("1 px", "residual sigma")}
-    assert "hold 62 % (57 to 66) of the true depths. The noise was learned" in text(shares(only))
+    assert "contain 62 % (57 to 66) of the true depths. The noise of each" in text(shares(only))
 
 
 def test_the_longest_window_with_enough_tracks_is_reported() -> None:

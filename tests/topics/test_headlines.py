@@ -82,7 +82,7 @@ def test_noise_is_the_root_of_the_second_moment_with_its_interval() -> None:
         "in u is 1.200 px. In v it is 0.900 px."
     )
     assert "above the 90th percentile" in noise["text"]
-    assert noise["text"].endswith("In brackets: 95 % intervals over 8 scenes.")
+    assert noise["text"].endswith("Brackets hold 95 % intervals over 8 scenes.")
     assert (noise["value"], noise["low"], noise["high"]) == pytest.approx((0.41, 0.38, 0.45))
     assert (noise["figure"], noise["table"], noise["unit"]) == ("error-by-tracker", "intervals", "px")
 
@@ -147,12 +147,15 @@ def test_the_spread_between_scenes_and_the_next_scene_stand_beside_the_core() ->
     scale |= {"low": 0.04, "high": 0.16, "spread": 0.642, "next_low": 0.02, "next_high": 0.31, "unit": "px"}
     summary = table(SUMMARY, {**SUMMED, **CORES})
     text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, scale))["noise"]["text"]
-    assert "Of this number, scenes differ by a factor of 1.9; the next scene: 0.020 to 0.310 px." in text
+    assert (
+        "This number varies between scenes by a factor of 1.9; 0.020 to 0.310 px are expected in the next scene."
+        in text
+    )
     assert "can cover" not in text
     outside = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, {**scale, "coverage": 0.884}))["noise"][
         "text"
     ]
-    assert "There a 95 % interval can cover as little as 88 % in data like yours." in outside
+    assert "For this number, a 95 % interval can cover as little as 88 % in data like yours." in outside
 
 
 def test_a_core_of_fewer_scenes_says_so() -> None:
@@ -160,7 +163,7 @@ def test_a_core_of_fewer_scenes_says_so() -> None:
     rows = [{**scale, "coordinate": "u", "n_scenes": 8}, {**scale, "coordinate": "v", "n_scenes": 6}]
     summary = table(SUMMARY, {**SUMMED, **CORES})
     text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, *rows))["noise"]["text"]
-    assert "In v the core is 0.090 px. It is of 6 scenes; the others have few errors, or mostly" in text
+    assert "In v the core is 0.090 px. This core is of 6 scenes; other scenes have few errors, or mostly" in text
 
 
 @pytest.mark.parametrize(("axis", "other", "core"), [("u", "v", "0.080"), ("v", "u", "0.090")])
@@ -169,7 +172,7 @@ def test_a_core_in_one_coordinate_only_is_told(axis: str, other: str, core: str)
     missing = {f"untrimmed_core_{other}_px": None, f"untrimmed_beyond_{other}": None}
     text = read(UNTRIMMED, summary=table(SUMMARY, {**SUMMED, **CORES, **missing}))["noise"]["text"]
     assert (
-        f"at age 10. The core of lk in {axis} is {core} px. In {other} there is none: most errors are exactly zero."
+        f"at age 10. The core of lk in {axis} is {core} px. In {other} it has no core: most errors are exactly zero."
         in text
     )
     assert f"% of its errors in {axis} exceed three cores." in text
@@ -203,9 +206,9 @@ def test_where_trimming_turns_a_ranking_around_the_reader_is_told() -> None:
     turned = table(INTERVALS, *second_moments(10, lk=(1.5, 0.41), sift=(1.0, 0.8)))
     text = read(UNTRIMMED, summary=both, intervals=turned)["trimming"]["text"]
     assert text == (
-        "A few tracks decide the RMS ranking in u: sift leads with them, lk without. The smallest RMS over all tracks "
-        "at age 10 is 1.000 px, of sift. The smallest RMS over the kept tracks at age 10 is 0.410 px, of lk. Whether "
-        "this holds in other scenes was not tested."
+        "A few tracks decide the RMS ranking in u: sift is first with them, lk without them. sift has the smallest RMS "
+        "over all tracks at age 10, 1.000 px. lk has the smallest RMS over the kept tracks at age 10, 0.410 px. "
+        "Whether this ranking holds in other scenes was not tested."
     )
     agreed = table(INTERVALS, *second_moments(10, lk=(1.5, 0.41), sift=(2.0, 0.8)))
     assert "trimming" not in read(UNTRIMMED, summary=both, intervals=agreed)
@@ -220,8 +223,8 @@ def test_trackers_are_ranked_at_one_age() -> None:
     assert "trimming" not in read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, *later, *alike))
     turned = second_moments(4, lk=(0.14, 0.12), sift=(0.2, 0.09))
     text = read(UNTRIMMED, summary=summary, intervals=table(INTERVALS, *later, *turned))["trimming"]["text"]
-    assert text.startswith("A few tracks decide the RMS ranking in u: lk leads with them, sift without. ")
-    assert "The smallest RMS over all tracks at age 4 is 0.140 px, of lk." in text
+    assert text.startswith("A few tracks decide the RMS ranking in u: lk is first with them, sift without them. ")
+    assert "lk has the smallest RMS over all tracks at age 4, 0.140 px." in text
 
 
 def test_a_verdict_that_trimming_changes_is_named() -> None:
@@ -233,8 +236,8 @@ def test_a_verdict_that_trimming_changes_is_named() -> None:
     )
     text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *found))["trimming"]["text"]
     assert text == (
-        "Trimming the tracks with the largest errors changes 1 answer. The growth of the error of lk in u: drift "
-        "untrimmed and constant trimmed."
+        "Trimming the tracks with the largest errors changes 1 answer. The verdict on growth of the error of "
+        "lk in u is 'drift' before trimming and 'constant' after it."
     )
     assert "in v" not in text
 
@@ -275,8 +278,8 @@ def test_enough_scenes_in_too_few_groups_hold_for_these_scenes_only() -> None:
     summed = table(SUMMARY, {**SUMMED, "n_scenes": 7})
     by_block = table(INTERVALS, {**POINT, "resampled": "blocks", "value": 1.0})
     text = read(summary=summed, intervals=by_block)["scenes"]["text"]
-    assert text.startswith("Every condition has only 7 scenes. They form too few groups to be resampled")
-    assert "They hold for these scenes only." in text
+    assert text.startswith("Every condition has only 7 scenes. The scenes form too few groups to be resampled")
+    assert "Intervals hold for these scenes only." in text
     assert "less reliable" not in text
 
 
@@ -295,7 +298,7 @@ def test_fitted_noise_names_the_scenes_of_the_interval_that_it_shows() -> None:
     rows = [{**row, "trimming": trimming} for row in (alone, many) for trimming in ("untrimmed", "trimmed")]
     found = read(replace(SCOPE, fitted=True), triangulated_noise=table(TRIANGULATED_NOISE, *rows))["noise"]["text"]
     assert "lines it is 0.300 px (0.250 to 0.360)." in found
-    assert found.endswith("In brackets: 95 % intervals over 7 scenes.")
+    assert found.endswith("Brackets hold 95 % intervals over 7 scenes.")
 
 
 @pytest.mark.parametrize(("verdict", "most"), [("trusted", ""), ("unknown", "at most "), ("not trusted", "at most ")])
@@ -315,7 +318,7 @@ def test_a_truth_that_is_not_trusted_comes_before_all_else(verdict: str) -> None
     assert "truth" not in read()
     summed = table(SUMMARY, {**SUMMED, "floor_u_px": 0.5, "floor_v_px": 1.5})
     larger = read(summary=summed, trust=given)["truth"]["text"]
-    assert "smaller than stated: the floor is above the whole error of lk. In v the floor is 1.500 px" in larger
+    assert "smaller than stated: the truth floor is above the error of lk. In v the floor is 1.500 px" in larger
 
 
 OVERALL = {"trimming": "trimmed", "axis": "age", "n": 900, "n_scenes": 8, "mean_u_px": 0.2, "mean_v_px": 0.1}
@@ -329,7 +332,7 @@ def test_copies_are_named_before_the_numbers() -> None:
     found = read(replace(SCOPE, groups=groups))
     assert next(iter(found)) == "copies"
     assert found["copies"]["text"].startswith(
-        "2 scenes have the images of another. b has those of a. c has those of a. Copies"
+        "2 scenes have the images of another scene. b has the images of a. c has the images of a. Copies"
     )
 
 
@@ -340,7 +343,7 @@ def test_a_bias_that_was_shown_is_reported_with_its_size() -> None:
     assert (
         "At age 10, the mean trimmed error of lk is not zero (p = 0.004, 8 scenes). Its length is 0.126 px (0.060 "
         "to 0.200). In u the mean is 0.120 px (0.050 to 0.190). In v it is "
-        "−0.040 px (−0.090 to 0.010). Over all ages and conditions together it is not zero"
+        "−0.040 px (−0.090 to 0.010). Over all ages and conditions together, it is not zero"
     ) in bias["text"]
     assert "The square of the mean is 6.2 % of the mean square error, u and v together." in bias["text"]
     assert (bias["value"], bias["low"], bias["high"]) == (0.126, 0.06, 0.2)
@@ -353,9 +356,9 @@ WHOLE = {**OVERALL, "verdict": "yes", "sign_flip_p_family": 0.012}
     ("own", "family", "verdict", "says"),
     [
         (0.03, 0.1, "undecided", "is not zero (p = 0.03, 8 scenes)"),
-        (0.03, 0.1, "undecided", "Over all ages and conditions together this is not established (p = 0.1)."),
+        (0.03, 0.1, "undecided", "Over all ages and conditions together, no bias is established (p = 0.1)."),
         (0.2, 0.01, "yes", "it is undecided whether the mean trimmed error of lk is zero (p = 0.2, 8 scenes)"),
-        (0.2, 0.01, "yes", "Over all ages and conditions together it is not zero (p = 0.01)."),
+        (0.2, 0.01, "yes", "Over all ages and conditions together, it is not zero (p = 0.01)."),
     ],
 )
 def test_the_verdict_at_one_age_and_that_on_all_are_told_apart(own, family, verdict, says) -> None:
@@ -364,7 +367,7 @@ def test_the_verdict_at_one_age_and_that_on_all_are_told_apart(own, family, verd
 
 
 def test_a_mean_that_is_not_tested_has_the_interval_of_its_scenes_and_the_reason() -> None:
-    why = "a test at 5 % needs at least 6 scenes; found 1 scene"
+    why = "a test at 5 % needs at least 6 scenes; this one has 1 scene"
     mean = {**POINT, "statistic": "nu", "weighting": "scenes", "value": 0.12, "low": 0.09, "high": 0.15}
     untested = {**AT_TEN, "sign_flip_p": None, "why": why}
     rows = {**OVERALL, "verdict": "undecided", "why": why}, untested
@@ -372,7 +375,7 @@ def test_a_mean_that_is_not_tested_has_the_interval_of_its_scenes_and_the_reason
     bias = read(summary=summary, zero_mean=table(ZERO_MEAN, *rows), intervals=table(INTERVALS, mean))["bias"]
     assert bias["text"].startswith(
         "Bias at speed 1, in this scene only. The mean trimmed error of lk in u is 0.120 px (0.090 to 0.150). In v it "
-        "is −0.040 px. That is at age 10. Whether it is zero in other scenes was not tested: a test at 5 % needs"
+        "is −0.040 px. This mean is at age 10. Whether the mean is zero in other scenes was not tested: a test"
     )
 
 
@@ -394,7 +397,7 @@ def test_a_mean_that_the_errors_of_the_truth_can_cause_is_no_bias() -> None:
     bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.08, 0.03))["bias"]
     assert (
         "No bias of lk is claimed: errors of the truth can cause its mean error. At age 10, the mean error is 0.120 px "
-        "in u; these errors can cause 0.160 px. At age 10, the mean error is 0.040 px in v" in bias["text"]
+        "in u; errors of the truth can cause 0.160 px. At age 10, the mean error is 0.040 px in v" in bias["text"]
     )
     assert "not zero" not in bias["text"]
     assert bias["value"] is None
@@ -428,7 +431,7 @@ def test_a_mean_that_faults_of_the_truth_explain_is_no_bias(left, withheld) -> N
     assert ("is not zero" in text) is not withheld
     sentence = (
         "No bias of lk is claimed: faults of the truth explain most of its mean error. At age 8, the mean error is "
-        f"0.126 px, and {0.1265 * left:.3f} px once these faults are corrected."
+        f"0.126 px, and {0.1265 * left:.3f} px after these faults are corrected."
     )
     assert (sentence in text) is withheld
 
@@ -439,7 +442,7 @@ def test_growth_that_faults_of_the_truth_explain_is_withheld() -> None:
     assert (
         "No growth of lk in u is claimed: faults of the truth explain most of it. At age 8, the growth of the" in text
     )
-    assert "error is 0.265 px, and 0.132 px once these faults are corrected." in text
+    assert "error is 0.265 px, and 0.132 px after these faults are corrected." in text
     assert "lk in u: the RMS grows" not in text
     assert "lk in v: the RMS grows" in text
 
@@ -454,7 +457,10 @@ def test_a_mean_beyond_the_floor_is_a_bias(floor) -> None:
 def test_a_bias_is_kept_where_the_floor_covers_one_coordinate_only() -> None:
     bias = read(zero_mean=table(ZERO_MEAN, WHOLE, AT_TEN), summary=with_floor(0.01, 0.03))["bias"]
     assert "is not zero (p = 0.004, 8 scenes)" in bias["text"]
-    assert "Errors of the truth can cause the mean in v. It is 0.040 px in v; these errors can cause" in bias["text"]
+    assert (
+        "Errors of the truth can cause the mean in v. The mean is 0.040 px in v; errors of the truth can"
+        in bias["text"]
+    )
 
 
 def test_an_undecided_mean_stays_undecided_below_the_floor() -> None:
@@ -464,7 +470,7 @@ def test_an_undecided_mean_stays_undecided_below_the_floor() -> None:
 
 
 def test_too_few_scenes_decide_no_bias() -> None:
-    why = "a test at 5 % needs at least 6 scenes; found 4 scenes"
+    why = "a test at 5 % needs at least 6 scenes; this one has 4 scenes"
     bias = read(zero_mean=table(ZERO_MEAN, {**OVERALL, "verdict": "undecided", "why": why}))["bias"]
     assert "It is undecided whether the mean trimmed error of lk is zero: a test at 5 % needs" in bias["text"]
     assert "is not zero" not in bias["text"]
@@ -498,11 +504,11 @@ def test_growth_says_by_how_much_and_which_parts_are_established() -> None:
     rows = growing({"coordinate": "u", "verdict": "random walk", **sizes}, other)
     growth = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]
     assert growth["text"] == (
-        "Growth of trimmed errors of the same tracks at speed 1. Growth is from age 1 to 10. lk in u: the RMS grows "
-        "1.50 times (1.40 to 1.60). Constant part is established: 0.200 px (0.190 to 0.210). Random walk is "
-        "established: 0.0900 px "
-        "per sqrt(frame) (0.0800 to 0.100). lk in v: growth is undecided. How it grows is open: too few ages. Scenes "
-        "count alike. Growth by less than the margin counts as none."
+        "Growth of trimmed errors of the same tracks at speed 1. Growth is from age 1 to 10. lk in u: the RMS grows; "
+        "it becomes 1.50 times (1.40 to 1.60) as large. Constant part is established: 0.200 px (0.190 to 0.210). "
+        "Random walk is established: 0.0900 px "
+        "per sqrt(frame) (0.0800 to 0.100). lk in v: growth is undecided. How it grows is undecided: too few ages. "
+        "All scenes have equal weight. Growth by less than the margin counts as none."
     )
     assert growth["value"] == 1.5
 
@@ -511,21 +517,21 @@ def test_growth_whose_interval_spans_all_sizes_is_unknown() -> None:
     row = {"grows": "undecided", "growth_ratio": 2.1, "growth_ratio_low": 5.7e-4, "growth_ratio_high": 4e4}
     rows = growing({"coordinate": "u", "verdict": "undecided", "why": "there are 2 blocks", **row})
     text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "lk in u: growth is undecided. How it grows is open: there are 2 blocks." in text
+    assert "lk in u: growth is undecided. How it grows is undecided: there are 2 blocks." in text
     assert "more than" not in text
 
 
 def test_growth_of_all_errors_is_told_from_components_of_a_noise_model() -> None:
     rows = [{**row, "trimming": "untrimmed"} for row in growing({"coordinate": "u", "verdict": "drift"})]
     text = read(UNTRIMMED, time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "a noise model leaves them out" in text
+    assert "a noise model excludes them" in text
 
 
 def test_growth_is_not_denied_beside_a_wide_interval() -> None:
     row = {"grows": "undecided", "growth_ratio": 1.05, "growth_ratio_low": 0.9, "growth_ratio_high": 1.2}
     rows = growing({"coordinate": "u", "verdict": "undecided", **row})
     text = read(time_structure=table(TIME_STRUCTURE, *rows))["growth"]["text"]
-    assert "lk in u: growth of the RMS is open; it becomes 1.05 times (0.900 to 1.20) as large." in text
+    assert "lk in u: growth of the RMS is undecided; it becomes 1.05 times (0.900 to 1.20) as large." in text
 
 
 @pytest.mark.parametrize(("floor_uu", "withheld"), [(0.05, True), (0.03, False), (0.0, False), (None, False)])
@@ -544,7 +550,7 @@ def test_growth_that_the_errors_of_the_truth_can_cause_is_withheld(floor_uu, wit
     assert "lk in u: the RMS grows" in other["text"], "a floor above the whole error says less"
     sentence = (
         "No growth of lk in u is claimed: errors of the truth can cause it. At age 10, the error has grown by 0.300 px "
-        "in u; these errors can cause 0.315 px."
+        "in u; errors of the truth can cause 0.315 px."
     )
     assert (sentence in text) is withheld
     assert "lk in v: the RMS grows" in text
@@ -606,7 +612,10 @@ def test_factors_are_counted_and_the_clearest_are_named() -> None:
         "The outlier ratio of lk is higher at speed 4 than at speed 1. It is 13 times (9.0 to 19) as high. Speed 1 is "
         "better." in found["text"]
     )
-    assert "smallest effects follow. Speed changes the mean absolute error of lk at most 1.04 times." in found["text"]
+    assert (
+        "smallest effects follow. The speed changes the mean absolute error of lk by at most 1.04 times."
+        in found["text"]
+    )
     assert (found["value"], found["low"], found["high"]) == pytest.approx((13.2, 9.04, 19.3))
     assert found["unit"] == "ratio"
 
@@ -615,12 +624,12 @@ def test_what_decides_at_one_age_is_said_to() -> None:
     found = read(**factor_rows("no", "no", "yes"))["factors"]
     assert (
         "The mean error of lk is more positive at speed 4 than at speed 1. It is 0.120 px (0.050 to 0.190) more "
-        "positive. This is in u at age 10." in found["text"]
+        "positive. This difference is in u at age 10." in found["text"]
     )
     row = factor_row("eta", "yes", effect=2.0, low=1.5, high=2.7, coordinate="v", at=3, larger="1", better="4")
     text = read(dependence=table(DEPENDENCE, row))["factors"]["text"]
     assert "of lk is larger at speed 1 than at speed 4. It is 2.0 times (1.50 to 2.7) as large. Speed 4 is" in text
-    assert "This is in v at age 3." in text
+    assert "This difference is in v at age 3." in text
 
 
 def test_the_better_of_two_trackers_is_named() -> None:
@@ -660,8 +669,11 @@ def test_outliers_and_lifetimes_have_their_intervals() -> None:
     text = found["lifetimes"]["text"]
     opening = "Median lifetime at speed 1 (Kaplan-Meier, tracks pooled over scenes), and means restricted to 20 frames."
     assert text.startswith(f"{opening} lk: the median is 7 frames")
-    assert "7 frames (6 to 9). The restricted mean is 8.50 frames (8 to 9). Until failure it is 12 frames." in text
-    assert "which assumes that they would have failed like the others" in text
+    assert (
+        "7 frames (6 to 9). The restricted mean is 8.50 frames (8 to 9). The restricted mean until failure is 12"
+        in text
+    )
+    assert "they are assumed to fail like the others" in text
 
 
 def test_a_mean_lifetime_that_no_track_can_exceed_is_no_number_with_an_interval() -> None:
@@ -691,8 +703,8 @@ def test_tracks_that_live_long_are_compared_with_all() -> None:
     text = read(intervals=table(INTERVALS, *rows))["survivorship"]["text"]
     assert "in trimmed root mean square errors, features pooled over scenes." in text
     assert "At age 10, tracks of lk that live to age 20 are compared with all." in text
-    assert "Their error in u is 0.300 px (0.268 to 0.329)." in text
-    assert "For all tracks it is 0.410 px" in text
+    assert "The long-lived tracks have an error in u of 0.300 px (0.268 to 0.329)." in text
+    assert "All tracks have 0.410 px" in text
 
 
 def test_many_trackers_are_not_all_named() -> None:
@@ -737,8 +749,8 @@ def test_the_document_is_json_even_where_numbers_are_infinite() -> None:
     [
         (
             "within",
-            "Results hold for these 4 groups of scenes only: a, b, c and d. There are 8 scenes, which are resampled "
-            "within their groups.",
+            "Results hold only for these 4 groups of scenes: a, b, c and d. Intervals resample 8 scenes within their "
+            "groups.",
         ),
         ("groups", "8 scenes come in 4 groups of scenes that may be alike. Intervals resample whole groups."),
         ("scenes", None),
@@ -763,16 +775,24 @@ def shares(**by_source: tuple[float, float, float]) -> dict[str, pl.DataFrame]:
 @pytest.mark.parametrize(
     ("others", "expected"),
     [
-        ((0.58, 0.5, 0.66), "probably an error of the truth. It may be of the poses, the clock or the calibration"),
-        ((0.01, -0.02, 0.04), "They do not have this motion, so that it is probably the tracker's own."),
-        ((0.2, -0.2, 0.6), "It is undecided whether they have this motion too."),
+        (
+            (0.58, 0.5, 0.66),
+            "probably an error of the truth. The cause may be the poses, the clock, the calibration or",
+        ),
+        (
+            (0.01, -0.02, 0.04),
+            "The other trackers do not have this motion, so that it is probably an error of the tracker.",
+        ),
+        ((0.2, -0.2, 0.6), "Whether the other trackers have this motion, too, is undecided."),
     ],
 )
 def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
     others: tuple[float, float, float], expected: str
 ) -> None:
     found = read(**shares(own=(0.62, 0.55, 0.7), others=others))["pose errors"]
-    assert "the stated poses lack explains 62.0 % (55.0 % to 70.0 %) of the squared errors of lk." in found["text"]
+    assert (
+        "missing in the stated poses explains 62.0 % (55.0 % to 70.0 %) of the squared errors of lk." in found["text"]
+    )
     assert expected in found["text"]
     assert (found["value"], found["figure"], found["table"]) == (0.62, "pose-errors", "pose_share")
 
@@ -780,12 +800,12 @@ def test_pose_errors_are_blamed_on_the_truth_only_if_other_trackers_agree(
 def test_with_a_key_frame_ages_are_not_taken_for_frames() -> None:
     """Differences of trackers are by the age of both tracks."""
     keyed = replace(SCOPE, reference=ReferenceCondition("l", key_frames={"forward": 24}))
-    assert "This is at age 10." in read(keyed, **differences(established=True))["differences"]["text"]
+    assert "These differences are at age 10." in read(keyed, **differences(established=True))["differences"]["text"]
 
 
 def test_a_single_tracker_may_have_a_motion_of_its_own() -> None:
     text = read(**shares(own=(0.62, 0.55, 0.7)))["pose errors"]["text"]
-    assert "so that a motion common to all features may be its own." in text
+    assert "so that it may be an error of the tracker." in text
     assert "error of the truth" not in text
 
 
@@ -810,9 +830,9 @@ def differences(*, established: bool) -> dict[str, pl.DataFrame]:
 @pytest.mark.parametrize("fitted", [True, False])
 def test_trackers_that_differ_in_the_mean_are_named(fitted: bool) -> None:
     found = read(replace(SCOPE, fitted=fitted), **differences(established=True))["differences"]
-    assert "In u, lk less of is 0.200 px (0.150 to 0.250). In v it is 0 px (−0.050 to 0.050)." in found["text"]
+    assert "In u, lk minus of is 0.200 px (0.150 to 0.250). In v it is 0 px (−0.050 to 0.050)." in found["text"]
     assert "zz" not in found["text"]
-    assert found["text"].endswith("No error of the truth can cause such a difference.")
+    assert found["text"].endswith("Errors of the truth cannot cause such differences.")
     assert (found["value"], found["low"]) == (0.2, pytest.approx(0.15))
     assert "differences" not in read(replace(SCOPE, fitted=fitted), **differences(established=False))
 

@@ -39,12 +39,12 @@ NONE = {"mean": (-0.1, -0.2, 0.0), "second_removed_by_others": (0.7, 0.6, 0.8)}
 def test_means_of_both_sides_are_stated_and_whether_most_of_the_mean_is_on_one() -> None:
     text = read(rows("far", share_of_mean=(1.1, 0.8, 1.4), **FAR), rows("near", **NEAR), rows("none", **NONE))
     assert text == (
-        "Depth edges at speed 1, in untrimmed errors of visible features. At age 20, the mean error of lk in u is "
-        "another one beside depth edges. On the far side it is −3.000 px (−4.000 to −2.000). On the near side it is "
-        "1.000 px (0.500 to 1.500). Elsewhere it is −0.100 px (−0.200 to 0). Most of the drift is features on the far "
-        "side of depth edges. They are 10.0 % of the features, with 110.0 % of the mean. The mean of all features is "
-        "−0.280 px; without the far side it is 0.100 px. Without features beside depth edges, the second moment "
-        "falls by 70.0 % (60.0 % to 80.0 %). A "
+        "Depth edges at speed 1, in untrimmed errors of visible features. At age 20, the mean error of lk in u "
+        "differs beside depth edges. On the far side it is −3.000 px (−4.000 to −2.000). On the near side it is "
+        "1.000 px (0.500 to 1.500). Elsewhere it is −0.100 px (−0.200 to 0). Most of the drift comes from features on "
+        "the far side of depth edges. These are 10.0 % of the features, and have 110.0 % of the mean error. The mean "
+        "of all features is −0.280 px, and without the far side 0.100 px. Without features beside depth edges, the "
+        "second moment falls by 70.0 % (60.0 % to 80.0 %). A "
         "feature beside a depth edge has two surfaces in its window."
     )
 
@@ -75,5 +75,5 @@ def test_the_oldest_age_with_intervals_and_the_coordinate_of_the_largest_mean_ar
     )
     text = read(older, rows("far", **FAR), rows("none", **NONE), *along)
     assert text is not None
-    assert "At age 20, the mean error of lk along the motion is another one beside depth edges." in text
+    assert "At age 20, the mean error of lk along the motion differs beside depth edges." in text
     assert "On the far side it is 4.000 px" in text

@@ -68,12 +68,12 @@ def text(*given: Any) -> str:
 def test_a_tracker_that_drifts_has_depths_less_certain_than_its_residuals_say() -> None:
     found = text(windows(DRIFTING))
     assert found.startswith(
-        "Noise for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: depths are "
-        "right with"
+        "Sigma for the depths of points at speed 1, from untrimmed errors. Windows have 15 frames. lk: the sigma for "
+        "depths is"
     )
-    assert "0.200 px (0.170 to 0.230). The residual core is 0.040 px. Tuned to it, depths are 5.0 times" in found
-    assert "5.0 times (4.6 to 5.6) less certain than claimed." in found
-    assert found.endswith("In brackets: 95 % intervals over 8 scenes.")
+    assert "0.200 px (0.170 to 0.230). The residual core is 0.040 px. With the residual core as sigma, depths" in found
+    assert "depths are 5.0 times (4.6 to 5.6) as uncertain as claimed." in found
+    assert found.endswith("Brackets hold 95 % intervals over 8 scenes.")
     estimate = headline(windows(DRIFTING)).estimate
     assert (estimate.value, estimate.low, estimate.high, estimate.unit) == (0.2, 0.17, 0.23, "px")
 
@@ -82,20 +82,18 @@ def test_intervals_are_told_only_where_the_numbers_have_them() -> None:
     """As where the longest windows are of a few long scenes."""
     without = {name: (value, None, None) for name, (value, *_) in DRIFTING.items()}
     found = text(pl.concat([windows(without, n_scenes=3), windows(DRIFTING, window=5)]))
-    assert found.endswith("with true poses. Numbers are of 3 scenes, too few for intervals.")
+    assert found.endswith("of all scenes. Numbers have no intervals: 3 scenes are too few.")
 
 
 def test_independent_noise_is_as_certain_as_claimed() -> None:
-    assert "depths are as certain as claimed: the uncertainty is 1.02 times (0.970 to 1.06) the" in text(
-        windows(HONEST)
-    )
+    assert "depths are 1.02 times (0.970 to 1.06) as uncertain as claimed, which counts as" in text(windows(HONEST))
 
 
 @pytest.mark.parametrize("factor", [(1.2, 0.9, 1.5), (0.6, 0.5, 0.7)])
 def test_what_is_not_established_or_smaller_is_stated_as_a_ratio(factor) -> None:
     found = text(windows({**DRIFTING, "core_overconfidence": factor}))
-    assert f"the uncertainty of depths is {factor[0]:.3g}" in found.replace("1.20", "1.2").replace("0.600", "0.6")
-    assert "less certain" not in found
+    assert f"depths are {factor[0]:.3g} times" in found.replace("1.20", "1.2").replace("0.600", "0.6")
+    assert "counts as equal" not in found
 
 
 def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() -> None:
@@ -103,7 +101,7 @@ def test_the_longest_window_up_to_15_that_shows_depth_often_enough_is_taken() ->
     rare = windows({**DRIFTING, "depth_share": (0.1, 0.05, 0.2)}, window=15)
     shorter = windows({**DRIFTING, "consistent_sigma": (0.11, 0.1, 0.12)}, window=10)
     found = text(pl.concat([longer, rare, shorter]))
-    assert "Windows have 10 frames. lk: depths are right with 0.110 px (0.100 to 0.120)." in found
+    assert "Windows have 10 frames. lk: the sigma for depths is 0.110 px (0.100 to 0.120)." in found
 
 
 def test_all_trackers_are_described_by_windows_of_one_length() -> None:
@@ -111,11 +109,11 @@ def test_all_trackers_are_described_by_windows_of_one_length() -> None:
     short = windows(DRIFTING, tracker="sift", window=5)
     long = pl.concat([windows(DRIFTING, window=length) for length in (5, 10, 15)])
     found = text(pl.concat([long, short]), both)
-    assert found.count("depths are right with") == 2
+    assert found.count("the sigma for depths is") == 2
     assert "Windows have 5 frames." in found
     without = windows({**DRIFTING, "depth_share": (0.0, 0.0, 0.0)}, tracker="sift", window=5)
     found = text(pl.concat([long, without]), both)
-    assert "Windows have 15 frames. lk: depths are right with 0.200 px (0.170 to 0.230)." in found
+    assert "Windows have 15 frames. lk: the sigma for depths is 0.200 px (0.170 to 0.230)." in found
     assert "sift: too few windows of 15 frames show the depth of a point." in found
 
 
@@ -155,18 +153,21 @@ def test_a_filter_has_sigma_and_gates_together() -> None:
     more = {**GATED, "observation_gate": (0.9, None, None)}
     found = advised(advice(more, "filter"))
     assert found.startswith("Noise to set in a filter, windows of 11 frames at speed 1. lk: set 0.160 px (0.14")
-    assert "Multiply chi-square gates by 0.310 for tracks and 0.900 for single observations." in found
-    assert "Innovations will look like 0.070 px." in found
-    assert "Sigma makes the covariance of the newest pose right where all pass the gate." in found
+    assert "Set a track gate of 0.310 and an observation gate of 0.900." in found
+    assert "Innovations will suggest 0.070 px." in found
+    assert (
+        "Sigma makes the covariance of the newest pose right where the gates reject nothing. Gates are factors on"
+        in found
+    )
     assert "NEES" not in found
     tried = advised(advice({**more, "gated_nees": (0.61, 0.5, 0.72)}, "filter"))
-    assert "for single observations. With the gate of tracks, NEES is 0.610 (0.500 to 0.720)." in tried
+    assert "gate of 0.900. With this track gate, the NEES of the newest pose is 0.610 (0.500 to 0.720)." in tried
 
 
 def test_sigma_of_a_second_view_is_said_to_be_for_both_cameras() -> None:
     ratios = {"position_of_both": (0.7, 0.6, 0.8), "rotation_of_both": (0.5, None, None)}
     found = advised(advice({**GATED, **ratios}, "filter"))
-    assert "This is for positions in both cameras. With them, errors of the newest position are 0.700 (0.600" in found
+    assert "positions in both cameras. With both cameras, errors of the newest position are 0.700 (0.600" in found
     assert "both cameras" not in advised(advice(GATED, "filter"))
 
 
@@ -174,12 +175,14 @@ def test_features_in_the_state_have_a_sigma_of_their_own() -> None:
     found = advised(
         advice({**GATED, "state_sigma": (0.29, 0.2, 0.4), "observation_gate": (0.44, None, None)}, "openvins")
     )
-    assert "Set 0.290 px for features in the state. Multiply chi-square gates by 0.310 for tracks and 0.440" in found
+    assert (
+        "Set 0.290 px for features in the state. Set a track gate of 0.310 and an observation gate of 0.440." in found
+    )
 
 
 def test_a_window_has_sigma_and_loss_together() -> None:
     found = advised(advice(ROBUST, "sliding_window", kernel="cauchy"))
-    assert "lk: set 0.080 px (0.050 to 0.140). Its Cauchy loss has the knee at 0.850 sigma." in found
+    assert "lk: set 0.080 px (0.050 to 0.140). Set the knee of the Cauchy loss to 0.850 sigma." in found
     assert "chi-square" not in found
     assert "Sigma makes the covariance of the newest pose right." in found
 
@@ -200,7 +203,7 @@ def test_without_a_model_nothing_is_advised() -> None:
 def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
     assert "lk: set 0.160 px (0.140 to 0.180). " in advised(advice(GATED, "filter"), trust(verdict, 0.3))
     found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.3))
-    assert "depths are right with 0.200 px (0.170 to 0.230)." in found
+    assert "the sigma for depths is 0.200 px (0.170 to 0.230)." in found
 
 
 @pytest.mark.parametrize(
@@ -210,20 +213,22 @@ def test_a_usable_truth_has_a_number_to_set(verdict: str) -> None:
 def test_another_truth_has_an_upper_bound_that_is_marked(verdict: str, says: str) -> None:
     found = advised(advice(GATED, "filter"), trust(verdict, 0.75))
     bound = "lk: set at most 0.160 px (0.140 to 0.180)"
-    assert f"{bound}. {says} The tracker alone may have 0.080 px." in found  # half, if it has a quarter of squares
+    assert (
+        f"{bound}. {says} The noise of the tracker alone may be as small as 0.080 px." in found
+    )  # half, if it has a quarter of squares
     for unbounded in (trust(verdict, 1.0), trust(verdict)):
-        assert f"{bound}. {says} Multiply" in advised(advice(GATED, "filter"), unbounded)
+        assert f"{bound}. {says} Set a track gate" in advised(advice(GATED, "filter"), unbounded)
     found = text(windows(DRIFTING), SCOPE, trust(verdict, 0.75))
-    assert f"right with at most 0.200 px (0.170 to 0.230). {says} The tracker" in found
+    assert f"for depths is at most 0.200 px (0.170 to 0.230). {says} The noise" in found
 
 
 def test_trimmed_errors_lead_where_verdicts_are_about_them() -> None:
     scope = ReportedConditions(ReferenceCondition("l"), ("lk",), percentile=90.0, trimming=Trimming.trimmed)
     both = pl.concat([windows(DRIFTING), windows(HONEST, trimming="trimmed")])
     assert "from trimmed errors." in text(both, scope)
-    assert "depths are as certain as claimed" in text(both, scope)
+    assert "as uncertain as claimed, which counts as equal." in text(both, scope)
     untouched = ReportedConditions(ReferenceCondition("l"), ("lk",))
-    assert text(windows(DRIFTING), untouched).startswith("Noise for the depths of points at speed 1. Windows have 15")
+    assert text(windows(DRIFTING), untouched).startswith("Sigma for the depths of points at speed 1. Windows have 15")
 
 
 def test_too_few_windows_say_nothing() -> None:
@@ -236,7 +241,7 @@ def test_intervals_are_named_by_what_the_reported_trackers_have() -> None:
     rare = windows(DRIFTING, tracker="sift", resampled="blocks", n_scenes=3)
     faster = windows(DRIFTING, speed=4, n_scenes=2)
     found = text(pl.concat([windows(DRIFTING), rare, faster]), two)
-    assert "In brackets: 95 % intervals over 8 scenes. Others are 95 % intervals from blocks of tracks" in found
+    assert "Brackets hold 95 % intervals over 8 scenes. Others hold 95 % intervals from blocks of tracks" in found
     assert "3 scenes" in found
     assert "2 scenes" not in found.replace("2 to", "")
-    assert text(pl.concat([windows(DRIFTING), rare, faster])).endswith("In brackets: 95 % intervals over 8 scenes.")
+    assert text(pl.concat([windows(DRIFTING), rare, faster])).endswith("Brackets hold 95 % intervals over 8 scenes.")

@@ -66,7 +66,7 @@ def test_a_truth_that_explains_little_is_trusted_and_says_how_much() -> None:
     found = verdict()
     assert (found.verdict, found.step) == (Trust.trusted, "")
     assert found.text.startswith("No fault was found. Errors of the truth can explain at most 4.7")  # .03 + .01 sqrt(3)
-    assert "of the squared errors of lk. That is 0.109 of 0.500 px RMS at age 10." in found.text
+    assert "of the squared errors of lk. This part is up to 0.109 px of the RMS of 0.500 px at age 10." in found.text
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_a_motion_that_no_other_tracker_can_confirm_is_established_only_if_it_ex
     """A single tracker has motions of its own on exact data: a fifth of the squared errors, up to a half."""
     alone = verdict(pose_shares=poses(lk=((0.5, 0.15, 0.8), None)))
     assert alone.verdict is Trust.unknown
-    assert "nothing is established" in alone.text
+    assert "no cause is established" in alone.text
     assert verdict(pose_shares=poses(lk=((0.9, 0.8, 0.95), None))).verdict is Trust.not_trusted
 
 
@@ -122,11 +122,11 @@ def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> Non
     either = verdict(audit=audit(faults=(0.28, 0.25, 0.32)), **seen)
     assert either.verdict is Trust.not_trusted
     assert either.text.startswith(
-        "Camera motions that the poses lack, or constant faults that look like them, explain 31.0"
+        "Camera motions missing in the poses, or constant faults that look like them, explain 31.0"
     )
     assert "calibration" in either.step
     motion = verdict(audit=audit(faults=(0.28, 0.0, 0.5)), **seen)
-    assert motion.text.startswith("Camera motions that the poses lack explain 31.0")
+    assert motion.text.startswith("Camera motions missing in the poses explain 31.0")
     assert "bundle-adjusted" in motion.step
 
 
@@ -142,24 +142,24 @@ def test_what_cannot_be_separated_from_the_trackers_is_never_yes(cause: str, sha
 def test_a_limited_truth_says_what_limits_it_where_no_cause_surely_explains_much() -> None:
     by_chance = verdict(audit=audit(depths=(0.05, 0.0, 0.3)))
     assert by_chance.verdict is Trust.limited
-    assert "Random errors of depths have the largest part in this bound." in by_chance.text
+    assert "Random errors of depths contribute most to this bound." in by_chance.text
     faults = verdict(audit=audit(faults=(0.05, 0.0, 0.3)))
-    assert "Constant faults, as of the calibration or the clock, have the largest part in this bound." in faults.text
+    assert "Constant faults, such as of the calibration or the clock, contribute most to this bound." in faults.text
     stated = verdict(audit=audit(depths=(0.05, 0.0, 0.3)), sizes={"lk": ErrorSize(10, 0.5, {10: 0.2})})
     assert stated.verdict is Trust.limited
-    assert "largest part" not in stated.text
+    assert "contribute most" not in stated.text
     by_maps = verdict(audit=audit(depths=(0.05, 0.0, 0.3), maps=(0.06, 0.04, 0.08)))
-    assert "Random errors of depths, by which depth maps disagree, explain 6.0" in by_maps.text
+    assert "Random errors of depths, shown by differences of depth maps, explain 6.0" in by_maps.text
 
 
 def test_depths_that_maps_do_not_repeat_are_established_whatever_the_tracks_say() -> None:
     clear, dominant = (0.3, 0.2, 0.4), (0.6, 0.5, 0.7)
     found = verdict(audit=audit(maps=clear))
     assert found.verdict is Trust.limited
-    assert "Random errors of depths, by which depth maps disagree, explain 30.0 %." in found.text
+    assert "Random errors of depths, shown by differences of depth maps, explain 30.0 %." in found.text
     worse = verdict(audit=audit(maps=dominant))
     assert worse.verdict is Trust.not_trusted
-    assert worse.text.startswith("Random errors of depths, by which depth maps disagree, explain 60.0 %")
+    assert worse.text.startswith("Random errors of depths, shown by differences of depth maps, explain 60.0 %")
     assert "disagree" not in verdict(audit=audit(depths=dominant, maps=SMALL)).text
 
 
@@ -174,7 +174,7 @@ def test_an_established_fault_decides_by_what_it_explains() -> None:
     beside = verdict(audit=audit(faults=(0.7, 0.6, 0.8), named=(0.04, 0.02, 0.06)))
     assert beside.verdict == Trust.unknown
     assert "The focal length is 10.0" in beside.text
-    assert "nothing is established" not in beside.text
+    assert "no cause is established" not in beside.text
     smoothed = audit(named=(0.4, 0.3, 0.5)).with_columns(pl.col("parameter").replace("focal_length", "smoothing"))
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
 
@@ -190,7 +190,7 @@ def test_a_fault_decides_by_the_tracker_of_which_it_explains_most() -> None:
     of_each = pl.DataFrame(rows, schema=dict(AUDIT))
     found = verdict(audit=pl.concat([plain, of_each]))
     assert found.verdict == Trust.not_trusted
-    assert "This explains 30.0 % of the squared errors of lk." in found.text
+    assert "This fault explains 30.0 % of the squared errors of lk." in found.text
     assert found.step.endswith("Squared errors of held-out tracks of lk then fall by 30.0 %.")
     noisy = of_each.filter(component="noisy")
     assert verdict(audit=pl.concat([little, noisy])).verdict == Trust.limited
@@ -205,14 +205,14 @@ def test_faults_that_look_like_a_bias_of_the_trackers_are_named_as_such(share: S
     plain = audit(faults=share)
     known = verdict(audit=pl.concat([plain, pl.DataFrame(rows, schema=dict(AUDIT))]))
     told = "cannot be distinguished from a bias of the trackers."
-    other = "So does one of the scale of the depths against the camera's path."
-    first = "An error of the readout time of the shutter fits"
+    other = "The same holds for the scale of the depths against the camera's path."
+    first = "An error of the readout time of the shutter fits the tracks"
     assert known.text == f"{verdict(audit=plain).text} {first}, but {told} {other}"
 
 
 def test_mistakes_and_fitted_points_decide_before_all_else() -> None:
     found = verdict(mistakes=["Poses are inverted.", "Depths are in mm.", "More."], is_fitted=True)
-    assert (found.verdict, found.text) == (Trust.not_trusted, "Poses are inverted. There are 2 more such.")
+    assert (found.verdict, found.text) == (Trust.not_trusted, "Poses are inverted. There are 2 more such mistakes.")
     assert verdict(is_fitted=True).verdict == Trust.unknown
     assert verdict(cautions=["Poses jump in 1 place."]).verdict == Trust.limited
 
@@ -242,7 +242,7 @@ def test_a_motion_of_a_single_tracker_does_not_contradict_an_exact_truth(
 def test_what_is_stated_is_a_share_of_the_core_where_tracks_are_too_few_for_an_audit() -> None:
     found = verdict(audit=audit()[:0], sizes={"lk": ErrorSize(10, 2.0, {10: 0.1}, core_px=0.2)}, pose_shares=poses())
     assert found.verdict == Trust.limited
-    assert "Its stated errors can explain up to 25.0 % of the squared errors." in found.text
+    assert "Stated errors of the truth can explain up to 25.0 % of the squared errors." in found.text
 
 
 def test_depths_that_their_maps_contradict_are_not_to_be_stated_but_replaced() -> None:

@@ -46,8 +46,8 @@ def test_what_changed_is_named_with_both_ranges():
         "not trusted", every=[(None, 0.72), (None, 0.6)], poses=[(0.3, 0.5), (0.2, 0.4)], any_fault=[(0.0, 0.1)]
     )
     assert change(now, checked()) == (
-        "`tracknoise check` said unknown. Shares of the squared errors that changed with the tracks of the run: "
-        "motions that the poses lack 30.0 % to 50.0 % (check: up to 60.0 %); constant faults, established or "
+        "`tracknoise check` said unknown. With the tracks of the run, shares of the squared errors changed: "
+        "camera motions missing in the poses 30.0 % to 50.0 % (check: up to 60.0 %); constant faults, established or "
         "not up to 10.0 % (check: 10.0 % to 12.0 %)."
     )
 
@@ -59,7 +59,7 @@ def test_a_fault_that_only_the_run_established_is_named():
 
 def test_a_verdict_that_changes_with_little_else_says_so():
     found = change(trust("limited", every=[(0.0, 0.68)], poses=[(0.0, 0.6)], any_fault=[(0.1, 0.12)]), checked())
-    assert found == "`tracknoise check` said unknown. Shares changed by less than 5.0 %, at a limit."
+    assert found == "`tracknoise check` said unknown. Shares changed by less than 5.0 %, but one crossed a limit."
 
 
 def test_an_unchanged_verdict_is_said_to_be_unchanged():
@@ -70,7 +70,7 @@ def test_an_unchanged_verdict_is_said_to_be_unchanged():
 def test_what_one_of_both_could_not_measure_is_said():
     now = trust("limited", every=[(None, 0.3)])
     assert change(now, checked(found={})) == (
-        "`tracknoise check` said unknown. It could not measure what the truth explains."
+        "`tracknoise check` said unknown. The check could not measure what the truth explains."
     )
     assert change(trust("unknown"), checked("trusted")).endswith("The run could not measure what the truth explains.")
 

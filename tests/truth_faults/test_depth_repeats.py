@@ -69,4 +69,4 @@ def test_too_few_points_say_nothing(recording):
 def test_a_check_says_how_well_depths_repeat(recording):
     item = repeatability(Evidence.measured(noisy(recording, 0.002)))
     assert item.values["near_relative"] == pytest.approx(0.002 * item.values["near_m"], rel=0.5)
-    assert "single depths have a standard deviation of" in item.text
+    assert "show a standard deviation of single depths of" in item.text

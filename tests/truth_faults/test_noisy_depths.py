@@ -34,7 +34,7 @@ def test_noise_that_looks_like_edges_is_a_caveat(noisy) -> None:
     item = next(item for item in noisy.items if item.topic == "depth")
     assert item.severity is Severity.caveat
     assert item.values["edges"] > 0.9
-    assert "features there count as beside an edge, and have no truth" in item.text
+    assert "features there count as beside a depth edge, and have no true position" in item.text
     assert noisy.truth.step.startswith("Smooth the depth maps, or use others")
 
 
@@ -49,4 +49,4 @@ def test_points_are_called_fitted_only_where_there_is_no_depth(noisy) -> None:
     assert "fitted" not in noisy.truth.text
     assert "stereo depth maps" not in noisy.truth.step
     without = check_sequence(recording(None))
-    assert "A check has no depths where there are no maps." in without.truth.text
+    assert "The recording has no depth maps, and a check computes no depths." in without.truth.text

@@ -66,7 +66,7 @@ def test_distances_along_the_ray_are_named_with_their_correction() -> None:
 def test_depths_against_the_path_are_one_number() -> None:
     text, *others = audit_sentences(audit(depth_scale=0.1))
     assert text.startswith(f"The scale of the depths against the camera's path is 9.2{SPACE}% too small (1.10")
-    assert " A path that is too long by the same factor is the same fault." in text
+    assert " A camera path that is too long by the same factor looks the same." in text
     (explained,) = others
     assert explained.startswith("The focal length, ")
     assert explained.endswith("once the scale of the depths against the camera's path is corrected.")
@@ -102,11 +102,15 @@ def test_a_drift_without_timestamps_is_one_of_frames_and_has_no_setting() -> Non
 @pytest.mark.parametrize(
     ("faults", "opening", "to_do"),
     [
-        ({"smoothing": 1.0}, "The poses are smoothed (1.0", "use the poses as they were before the filter."),
-        ({"smoothing": -1.0}, "The poses overshoot, as a sharpened path does (", "use smoother poses, or the poses as"),
+        ({"smoothing": 1.0}, "The poses are smoothed (1.0", "use the poses from before the filter."),
+        (
+            {"smoothing": -1.0},
+            "The poses overshoot, as a sharpened path does (",
+            "use smoother poses, or the poses from",
+        ),
         (
             {"rotation_delay": (0.5, 0.5, 0.5)},
-            "The rotations of the poses are not of the times of their positions (late by (16.",
+            "Rotations and positions of the poses are of different times (late by (16.",
             "make poses whose rotations and positions have one clock.",
         ),
     ],
@@ -115,7 +119,7 @@ def test_what_no_setting_undoes_is_said_with_what_to_do(faults, opening, to_do) 
     found = audit(**faults)
     text = audit_sentences(found)[0]
     assert text.startswith(opening)
-    assert f" No setting undoes this: {to_do}" in text
+    assert f" No setting corrects this: {to_do}" in text
     assert corrections_toml(found) is None
 
 
@@ -132,7 +136,7 @@ def test_white_noise_of_poses_is_called_jitter() -> None:
     stated = replace(jittered, stated=predict(jittered, np.zeros(COUNT)).uv)
     text = audit_sentences(tables_of(stated, "made-up").audit)[0]
     assert text.startswith("The poses jitter from frame to frame, or overshoot as a sharpened path does (")
-    assert " No setting undoes this: use smoother poses, or the poses as they were before the filter." in text
+    assert " No setting corrects this: use smoother poses, or the poses from before the filter." in text
 
 
 def test_a_kind_of_depth_that_is_known_is_not_tried() -> None:

@@ -366,7 +366,7 @@ def judge(evidence: ShapeEvidence, *, margin: float = MARGIN_NATS) -> tuple[Shap
     open_ = list(_open(evidence, margin, light))
     if not open_:
         gains = f"Student's t gains {_text(student)} nat per error over a Gaussian, a mixture {_text(mixture)}"
-        small_gains = f"{gains}. Both are below {margin:g}. Kurtosis is {_text(kurtosis)}"
+        small_gains = f"{gains}. Both are below {margin:g}. Kurtosis is {_text(kurtosis)}. That of a Gaussian is 8"
         return Shape.gaussian, small_gains + _of_scales(evidence)
     return Shape.undecided, f"too few errors ({evidence.n_sampled}) to tell: {listing(open_)}" + _of_scales(evidence)
 
@@ -379,7 +379,7 @@ def _open(evidence: ShapeEvidence, margin: float, light: float) -> Iterator[str]
     if not evidence.skewness.below(12 * margin):
         yield f"skewness may be {thousandths(evidence.skewness.high)}, limit {12 * margin:g}"
     if not evidence.kurtosis.above(light):
-        yield f"kurtosis may be {thousandths(evidence.kurtosis.low)}, limit {number(light)}"
+        yield f"kurtosis may be {thousandths(evidence.kurtosis.low)}, limit {number(light)} (a Gaussian has 8)"
 
 
 def _heavy(evidence: ShapeEvidence, margin: float) -> tuple[Shape, str]:

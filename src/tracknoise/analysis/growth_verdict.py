@@ -268,9 +268,9 @@ def _of_parts(
         return _BEHAVIOURS[terms[0]], "; ".join(_part(term, sizes, changes) for term in parts)
     if rising == Verdict.no:
         return Behaviour.white, _white(sizes["white"], changes.autocorrelation)
-    names = " or ".join(_NAMES[term] for term in growing)
-    open_ = f"{names} is open" if rising == Verdict.yes else "neither growth nor its absence is established"
-    return Behaviour.undecided, open_
+    sought = [_NAMES[term] for term in growing] if rising == Verdict.yes else ["growth", "its absence"]
+    none = f"neither {' nor '.join(sought)}" if len(sought) > 1 else f"no {sought[0]}"
+    return Behaviour.undecided, f"{none} is established"
 
 
 def _reaches(term: str, size: Estimate, longest: float) -> float:

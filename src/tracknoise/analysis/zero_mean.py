@@ -301,7 +301,7 @@ def _judged(rows: pl.DataFrame) -> pl.DataFrame:
     p, of_ages, own = (pl.col(name) for name in ("sign_flip_p_family", "sign_flip_p_adjusted", "sign_flip_p"))
     differs = (p <= ALPHA).fill_null(value=False)
     few = pl.format(
-        f"a test at {100 * ALPHA:g} % needs at least {MIN_SCENES} scenes; found {{}}", scenes_counted("n_scenes")
+        f"a test at {100 * ALPHA:g} % needs at least {MIN_SCENES} scenes; this one has {{}}", scenes_counted("n_scenes")
     )
     among = pl.when(of_ages <= ALPHA).then(pl.lit(" in one of the conditions that were asked"))
     others = among.when(own <= ALPHA).then(pl.lit(" at one of the ages that were asked")).otherwise(pl.lit(""))

@@ -30,11 +30,11 @@ class SigmaToSet:
     features
         Features of a frame whose errors in common sigma counts; None where it takes them as independent.
     innovations_px
-        What innovations will look like: their standard deviation, px.
+        What innovations suggest: their standard deviation, px.
     state_sigma_px
         Standard deviation for features in the state, px; None where they have none of their own.
     track_gate, observation_gate
-        What to multiply a chi-square gate of tracks, and of single observations, by; None where there is none. The
+        Factors on chi-square quantiles at .95, for tracks and for single observations; None where there is none. The
         second belongs to `state_sigma_px` where there is one.
     kernel, knee
         The robust loss, and its knee in units of sigma; None where the estimator has none.
@@ -63,10 +63,10 @@ class SigmaToSet:
         bounds = "" if self.low_px is None else f" ({pixels(self.low_px)} to {pixels(self.high_px)})"
         facts = {
             "sigma": f"{px(self.sigma_px)}{bounds}",
-            "innovations look like": px(self.innovations_px),
+            "innovations suggest": px(self.innovations_px),
             "sigma of features in the state": self.state_sigma_px and px(self.state_sigma_px),
-            "gate of tracks": self.track_gate and f"times {number(self.track_gate)}",
-            "gate of observations": self.observation_gate and f"times {number(self.observation_gate)}",
+            "track gate": self.track_gate and f"times {number(self.track_gate)}",
+            "observation gate": self.observation_gate and f"times {number(self.observation_gate)}",
             "robust loss": self.kernel and f"{self.kernel}, knee at {number(self.knee)} sigma",
             "makes right": self.makes_right,
             "features of a frame": "taken as independent" if self.features is None else f"{self.features}",

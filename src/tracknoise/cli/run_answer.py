@@ -14,7 +14,7 @@ from tracknoise.topics.measures import Subject
 from tracknoise.topics.sentences import joined, sentences_of
 from tracknoise.topics.size_topic import size_measure
 from tracknoise.topics.truth_topic import depth_is_from_images, without_truth
-from tracknoise.topics.window_topic import sigma_sentence, windows_of_advice
+from tracknoise.topics.window_topic import ABOUT_GATES, has_gates, sigma_sentence, windows_of_advice
 
 _WITHOUT_MODELS = {"scan", "triangulated"}
 """Kinds of truth that no noise model is fitted by."""
@@ -70,9 +70,10 @@ def _flat(told: Iterable[Iterable[str]]) -> list[str]:
 
 
 def _common(data: ReportData) -> str:
-    """For which windows the numbers to set are; empty where they differ, or there are none."""
+    """For which windows the numbers to set are, and what gates are; empty where windows differ, or there are none."""
     windows = windows_of_advice(data)
-    return f"Numbers to set are for {windows}." if windows else ""
+    gates = f"; {ABOUT_GATES[0].lower()}{ABOUT_GATES[1:]}" if has_gates(data) else ""
+    return f"Numbers to set are for {windows}{gates}." if windows else ""
 
 
 def sentences_to_set(data: ReportData) -> list[str]:

@@ -74,8 +74,8 @@ def print_audit(terminal: Terminal, audit: Audit) -> None:
     for sentence in audit_sentences(audit.tables.audit, every=True):
         terminal.result(textwrap.fill(sentence, WIDTH))
     if audit.corrections:
-        how = "put this block into the experiment file, in place of one that it has, and run it again"
-        terminal.result(f"\nTo correct this, {how}:\n\n{audit.corrections}")
+        how = "put this block into the experiment file, in place of an earlier one, and run it again"
+        terminal.result(f"\nTo correct the truth, {how}:\n\n{audit.corrections}")
     if audit.accuracy:
         agreed = "The trackers agree on errors of the poses. To include them in the truth floor, add:"
         terminal.result(f"\n{agreed}\n\n{audit.accuracy}")

@@ -464,7 +464,7 @@ def makes_right(noise: Noise) -> Iterator[str]:
     is_bound = not noise.model.truth.is_usable
     yield from _lines(noise.advice, is_bound=is_bound)
     if is_bound:
-        yield "errors of the truth are in it: the tracker alone has less"
+        yield "sigma includes errors of the truth: the tracker alone has less"
 
 
 def in_words(advice: Advice, *, is_bound: bool = False) -> str:
@@ -484,7 +484,7 @@ def _lines(advice: Advice, *, is_bound: bool) -> Iterator[str]:
 
 def right_for(advice: Advice) -> str:
     """Write what a sigma makes right: with a gate, only where nothing is rejected."""
-    return f"{PURPOSES[advice.purpose]}{' where all pass the gate' if advice.every_gate else ''}"
+    return f"{PURPOSES[advice.purpose]}{' where the gates reject nothing' if advice.every_gate else ''}"
 
 
 def windows_of(advice: Advice) -> str:
@@ -516,11 +516,8 @@ def _numbers(advice: Advice, most: str) -> str:
     if advice.kernel is not None and advice.knee is not None:
         untried = " (not tried)" if advice.is_without_trial else ""
         parts.append(f"{advice.kernel.title()} loss at {advice.knee:.3g} sigma{untried}")
-    parts += [f"gate of {_GATED[gate]} x {factor:.3g}" for gate, factor in advice.gates.items()]
+    parts += [f"{gate} gate {factor:.3g} x chi2(.95)" for gate, factor in advice.gates.items()]
     return ", ".join(parts)
-
-
-_GATED: Mapping[Gate, str] = {Gate.TRACK: "tracks", Gate.OBSERVATION: "observations"}
 
 
 def caveats(about: Estimator, noise: Noise) -> tuple[str, ...]:
@@ -558,7 +555,7 @@ def of_common(model: ExportedModel, about: Estimator, advice: Advice | None) -> 
         known = (share.value, share.low, share.high)
         value, *bounds = (significant(100.0 * one, 2) for one in known if one is not None)
         interval = f" ({' to '.join(bounds)})" if len(bounds) == 2 else ""
-        yield f"All features of a frame have {value} %{interval} of the variance in common."
+        yield f"Errors in common of all features of a frame are {value} %{interval} of the variance."
     if advice is not None and advice.features is not None:
         yield f"Sigma is for {advice.features} features per frame. It grows with their number."
     elif advice is not None:
@@ -571,33 +568,33 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
     if model.common_share is None:
         return "whether they have errors in common is unknown"
     if not model.common_share.low:
-        return "that this is above 0 is not established"
+        return "a share above 0 is not established"
     if model.truth.verdict is not Trust.trusted:
-        return "errors of the truth may be what they have in common"
+        return "errors in common may be errors of the truth"
     if about.inertial:
         return "with an inertial sensor, errors in common did not change the NEES in trials"
-    return "what this does to sigma was not computed"
+    return "the effect of errors in common on sigma was not computed"
 
 
 def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
     yield from of_both(model)
     if advice.simulated:
-        yield f"Windows are simulated: no recording has {advice.window} frames that move."
+        yield f"Windows are simulated: no recording has {advice.window} successive frames with motion."
     if lived := short_tracks(model.training.median_lifetime, advice.window):
         yield lived
     if advice.kernel is not None and advice.windows:
         yield (
-            f"Sigma and loss belong together. They were tried on {advice.windows} windows, and make "
-            f"{PURPOSES[advice.purpose]} right there. Sigma is larger without the loss."
+            f"Sigma and loss belong together. In trials on {advice.windows} windows, they made "
+            f"{PURPOSES[advice.purpose]} right. Without the loss, sigma is larger."
         )
     elif advice.landmark is Landmark.KNOWN and advice.sigma.low is None:
-        yield "Sigma has no interval: that takes six scenes with sampled tracks."
+        yield "Sigma has no interval: an interval needs six scenes with sampled tracks."
     elif advice.is_without_trial:
-        yield "The loss was not tried: that takes enough tracks of a scene at the lowest speed of a run."
-        yield "Sigma is that without a loss. With one, a smaller sigma is right most often."
+        yield "The loss was not tried: a trial needs enough tracks of a scene at the lowest speed of a run."
+        yield "Sigma is the one without a loss. With a loss, a smaller sigma is usually right."
     if Gate.TRACK in advice.gates:
-        yield "The gate passes 80 % of good tracks at true poses. One for 95 % gave no better positions."
+        yield "The track gate passes 80 % of good tracks at true poses. A gate for 95 % gave no better positions."
     yield from _of_gate(advice)
 
 
@@ -612,8 +609,8 @@ def of_both(model: ExportedModel) -> Iterator[str]:
         f"of {both.correlation:.2g}."
     )
     yield (
-        f"With both cameras, errors of the newest position are {position} times those with the first alone, and of its "
-        f"rotation {rotation} times, where the scale is known."
+        f"With both cameras, errors of the newest position are {position} times those with the first alone, where the "
+        f"scale is known. Errors of the newest rotation are {rotation} times those with the first alone."
     )
 
 
@@ -622,11 +619,12 @@ def _of_gate(advice: Advice) -> Iterator[str]:
     if advice.gated is not None:
         found = advice.gated
         yield (
-            f"With this gate the NEES of the newest pose was {_bounded(found.nees)}, in {found.windows} windows of "
-            f"{found.window} frames with tracks of the run: 1 is right, and less is claimed too uncertain."
+            f"With this track gate, the NEES of the newest pose was {_bounded(found.nees)}. The trial had "
+            f"{found.windows} windows of {found.window} frames with tracks of the run. A NEES of 1 is right; below 1, "
+            "poses are claimed too uncertain."
         )
     elif advice.every_gate:
-        yield "Whether sigma is right with the gate was not tried: tracks that pass have smaller errors than all."
+        yield "Whether sigma is right with the gate was not tried: tracks that pass it have smaller errors than all."
 
 
 def _bounded(interval: Interval) -> str:

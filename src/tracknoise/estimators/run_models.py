@@ -64,7 +64,7 @@ ADVICE = RunTable(
         "sigma_to_set": Quantity("px", "Noise to set in the estimator of the experiment."),
         "state_sigma_to_set": Quantity("px", "The same for features in its state."),
         "features_of_sigma": Quantity("1", "Features of a frame whose errors in common the noise to set counts."),
-        "nees_with_gate": Quantity("1", "NEES of the newest pose with sigma and the gate of tracks, in trials."),
+        "nees_with_gate": Quantity("1", "NEES of the newest pose with sigma and the track gate, in trials."),
         "knee_to_set": Quantity("sigmas", "Knee of its robust loss."),
         "gate_to_set": Quantity("1", "Factor on its chi-square gate at .95."),
         "sigma_of_innovations": Quantity("px", "Noise with which its innovations look right."),

@@ -224,7 +224,7 @@ def refined_by(
         return sequence, PoseFit(False, references, reason=reason)
     adjustment = PoseAdjustment(sequence, tracks)
     if not adjustment.parallax_px() >= _LEAST_PARALLAX_PX:
-        reason = "Poses are not refined: without depth, the camera has to change its position by more."
+        reason = f"Poses are not refined: without depth, reference tracks need a parallax of {_LEAST_PARALLAX_PX:g} px."
         return sequence, PoseFit(False, references, reason=reason)
     try:
         depths = AdjustedDepths.of(sequence, adjustment, adjustment.best())
@@ -300,13 +300,15 @@ def _compared(
     )
     residual_px = float(np.nanmedian(np.linalg.norm(best[rows], axis=1)))
     if not residual_px < _MOST_RESIDUAL_PX:
-        reason = f"Poses are not refined: with the stated camera and depths, no poses fit ({pixels(residual_px)} px)."
+        reason = (
+            f"Poses are not refined: no poses fit the stated camera and depths ({pixels(residual_px)} px are left)."
+        )
         return PoseFit(False, references, reason=reason)
-    of_camera = "An error of the camera or the kind of depth makes much of the errors by stated poses."
+    of_camera = "Poses are not refined: an error of the camera or of the kind of depth causes much of the errors."
     if _is_of_camera(depths, given_px):
         return replace(fit, leads=False, reason=of_camera)
     if not (stated_px > max(_CLEARLY * left_px, _LEAST_PX) or adjusted.joins_depths):
-        reason = "The stated poses differ from refined ones by no more than reference tracks can tell."
+        reason = "The stated poses differ from refined ones by less than reference tracks can resolve."
         return replace(fit, leads=False, reason=reason)
     if _is_of_lens(depths):
         return replace(fit, leads=False, reason=of_camera)
@@ -316,7 +318,7 @@ def _compared(
     true_errors = TrueErrors(TruthDerivatives(sequence), _only_poses(stated), step=frame_step(sequence))
     spread = np.concatenate([sum(part.covariance.values()) for _, part in true_errors.of(points)])
     if np.sqrt(np.nanmedian(np.trace(spread, axis1=1, axis2=2))) < left_px:
-        reason = "The stated poses are stated to be better than reference tracks can tell."
+        reason = "The stated accuracy of the poses is better than reference tracks can resolve."
         return replace(fit, leads=False, reason=reason)
     return fit
 

@@ -1,4 +1,4 @@
-"""The curves of the first screen: what to set, and what innovations look like, by the frames in a window."""
+"""The curves of the first screen: what to set, and what innovations suggest, by the frames in a window."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -63,7 +63,7 @@ class AnswerPlot:
     Attributes
     ----------
     title
-        What innovations say, and what to set.
+        What innovations suggest, and what to set.
     windows
         In what innovations and sigma are compared: ``windows of 11 frames``.
     curves
@@ -84,7 +84,7 @@ class AnswerPlot:
     def label(self) -> str:
         """What is drawn, in a sentence."""
         return (
-            f"{self.title} Sigma to set (solid) and what innovations look like (dashed), by frames in a window, for "
+            f"{self.title} Sigma to set (solid) and what innovations suggest (dashed), by frames in a window, for "
             f"{', '.join(curve.tracker for curve in self.curves)}."
         )
 
@@ -154,10 +154,10 @@ def answer_plot(
 def _title(setting: NoiseToSet) -> str:
     sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
     if setting.is_bound:
-        return f"Your innovations say {px(innovations)}. Sigma is at most {px(sigma)}."
+        return f"Your innovations suggest {px(innovations)}. Sigma is at most {px(sigma)}."
     if _alike(sigma, innovations):
         return f"Your innovations are right: set {px(sigma)}."
-    return f"Your innovations say {px(innovations)}. Set {px(sigma)}."
+    return f"Your innovations suggest {px(innovations)}. Set {px(sigma)}."
 
 
 def _why(setting: NoiseToSet, landmark: Landmark) -> str:
@@ -202,7 +202,7 @@ def _curve(setting: NoiseToSet, model: NoiseModel, name: str) -> Curve:
 
 
 def _sizes(model: NoiseModel, name: str, window: int, setting: NoiseToSet) -> tuple[float, float] | None:
-    """What to set with such windows and the features of a setting, and what innovations look like; None if unknown."""
+    """What to set with such windows and the features of a setting, and what innovations suggest; None if unknown."""
     try:
         advice = estimator(name).advise(model, window=window, features=setting.features)
         return advice.sigma.value, innovations_of(model, advice).value
@@ -276,7 +276,7 @@ def _apart(places: Sequence[tuple[float, int]]) -> list[int]:
 
 
 def _lines(curve: Curve, x: Any, y: Any) -> list[Markup]:
-    """Solid: what to set; dashed: what innovations look like."""
+    """Solid: what to set; dashed: what innovations suggest."""
     line = Markup(
         '<polyline points="{points}" fill="none" stroke="{colour}" stroke-width="2.2" stroke-linejoin="round"{dash}/>'
     )

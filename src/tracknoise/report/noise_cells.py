@@ -52,7 +52,9 @@ def component_cells(model: NoiseModel) -> Cells:
     for component in COMPONENTS:
         part = getattr(model, component.name)
         rows.append([component.title, *interval_cells(part.sigma), component.unit, part.why_dropped or ""])
-    described = f"Components, of the {_percent(1.0 - model.outlier_share)} of the observations that are no outliers"
+    described = (
+        f"Components of the noise of the {_percent(1.0 - model.outlier_share)} of observations that are no outliers"
+    )
     return Cells(described, ["component", "sigma", "low", "high", "unit", "dropped because"], rows, _NUMERIC)
 
 
@@ -76,7 +78,16 @@ def equivalent_cells(model: NoiseModel, window: int) -> Cells:
         ]
         for equivalent in equivalents
     ]
-    headings = ["landmark", "makes right", "sigma, px", "low", "high", "gate .80", "gate .95", "gate .99"]
+    headings = [
+        "landmark",
+        "makes right",
+        "sigma, px",
+        "low",
+        "high",
+        "track gate .80",
+        "track gate .95",
+        "track gate .99",
+    ]
     simulated = "simulated " if any(equivalent.simulated for equivalent in equivalents) else ""
     caption = f"One sigma for all observations, {simulated}windows of {lengths[0] if lengths else window} frames"
     return Cells(caption, headings, rows, (False, False, *[True] * 6))
@@ -91,7 +102,7 @@ def _set_to(model: NoiseModel, name: str, features: int | None) -> Advice | None
 
 
 def _advice(model: NoiseModel, name: str, features: int | None) -> list[str]:
-    """What to set, and what innovations will look like."""
+    """What to set, and what innovations suggest."""
     about = estimator(name)
     if about.purpose is None:
         return [f"{about.title} takes the components, which `tracknoise export` writes."]
@@ -101,8 +112,8 @@ def _advice(model: NoiseModel, name: str, features: int | None) -> list[str]:
         return [f"What to set in {about.title} is unknown: {error}."]
     innovations = innovations_of(model, advice)
     to_set = in_words(advice, is_bound=not model.truth.is_usable)
-    look = f"Innovations look like {number(innovations.value)} px."
-    return [f"In {about.title}, set {to_set}.", look, *of_both(model)]
+    suggested = f"Innovations suggest {number(innovations.value)} px."
+    return [f"In {about.title}, set {to_set}.", suggested, *of_both(model)]
 
 
 def _range(interval: Interval) -> str:
@@ -128,7 +139,7 @@ def _model_bias(model: NoiseModel) -> str:
 def _conditions(model: NoiseModel) -> list[str]:
     return [
         f"White noise and walk depend on {condition.of}: their variances change by a factor of "
-        f"{number(math.exp(max(condition.log_factor) - min(condition.log_factor)))}. On scenes that were left out this "
+        f"{number(math.exp(max(condition.log_factor) - min(condition.log_factor)))}. On held-out scenes, this "
         f"gains {number(condition.gain.value)} nat per change{' beyond the first factor' if place else ''}."
         for place, condition in enumerate(model.conditions)
     ]
@@ -143,7 +154,7 @@ def _track_scale(model: NoiseModel) -> list[str]:
         return [f"The likelihood of whole tracks is not used: {scale.why_refused}."]
     bulk = [term for term in COMPONENTS if term.name in BULK]
     parts = ", ".join(f"{term.letter} {_range(getattr(scale, term.name).sigma)} {term.unit}" for term in bulk)
-    gain = f"On what was left out, this gains {_range(scale.gain)} nat per track over second moments."
+    gain = f"On held-out tracks, this model gains {_range(scale.gain)} nat per track over second moments."
     qualities = " and ".join(term.of for term in scale.conditions)
     by_quality = f"; W and Q depend on {qualities}" if qualities else ""
     if scale.nu is None:

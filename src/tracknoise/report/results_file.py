@@ -47,7 +47,7 @@ class TrackerResult:
     sigma
         What to set in the estimator of the round, and its interval, px; null where it is unknown.
     innovations_px
-        What innovations look like there, px.
+        What innovations suggest there, px.
     cpu_ms, machine
         CPU time of a step, ms, and of which machine; null where it was not measured.
     scenes

@@ -87,7 +87,7 @@ def curve_cells(curves: pl.DataFrame) -> Cells:
         ]
         for row in curves.iter_rows(named=True)
     ]
-    caption = "Errors before and after corrections, each together with those above it."
+    caption = "Errors before and after corrections. Each correction is applied together with those above it."
     return Cells(caption, headings, rows, [False, True, False, *[True] * 5])
 
 
@@ -96,7 +96,7 @@ def _resampled(audit: pl.DataFrame) -> str:
     units = audit["resampled"].drop_nulls()
     if units.is_empty():
         return ""
-    kind = {"blocks": "blocks of tracks", "within": "scenes within their groups"}.get(units[0], units[0])
+    kind = {"blocks": "blocks of tracks", "within": "scenes, resampled within their groups"}.get(units[0], units[0])
     level = f"{100 * audit['level'].drop_nulls()[0]:g}{SPACE}%"
     return f" {level} intervals from {audit['n_units'].drop_nulls()[0]} {kind}."
 
@@ -105,7 +105,7 @@ TITLE = "How much of this is the truth?"
 _MOST_SHARE = 0.5
 """Share of the second moment from which on a covariance is the truth's rather than the tracker's."""
 _SHOWN = ("alone", "named")
-_UNSTATED = "How accurate this truth is, is not stated, so that there is no truth floor."
+_UNSTATED = "The accuracy of this truth is not stated, so that there is no truth floor."
 _EXACT = "The truth is stated to be exact, so that it adds nothing to the errors."
 
 
@@ -168,8 +168,8 @@ def _limit(points: pl.DataFrame, axis: Axis) -> str:
     covered = points.select(floor > _MOST_SHARE * second).to_series().to_list()
     places = [axis.place(since).removeprefix("at ") for since in points["since"]]
     if not any(covered):
-        return f"Less than half of the second moment can be the truth's up to {places[-1]}."
-    reason = "more than half of it can be the truth's"
+        return f"Errors of the truth can explain less than half of the second moment up to {places[-1]}."
+    reason = "errors of the truth can explain more than half of the second moment"
     if all(covered):
         return f"Do not take a covariance from this recording: {reason} at any {axis.distance}."
     first = covered.index(True)

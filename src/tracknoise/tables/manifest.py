@@ -81,8 +81,8 @@ class PoseFit:
 
 
 _ADDED = {
-    "inverse_depth_offset_per_m": "By reference tracks, {} 1/m was added to inverse depths.",
-    "depth_offset_m": "By reference tracks, {} m was added to depths.",
+    "inverse_depth_offset_per_m": "{} 1/m was added to inverse depths, by reference tracks.",
+    "depth_offset_m": "{} m was added to depths, by reference tracks.",
 }
 
 

@@ -99,7 +99,7 @@ class Card:
     measures
         Error, bias, tails, growth, outlier ratio and median lifetime, as far as they were measured.
     sigma
-        The sentence for estimators: what to set, and what innovations look like. Empty where it is unknown.
+        The sentence for estimators: what to set, and what innovations suggest. Empty where it is unknown.
     """
 
     tracker: str
@@ -125,9 +125,9 @@ class NoiseToSet:
     is_bound
         Whether sigma is at most this, because the truth is not trusted, or this is unknown.
     limit
-        What belongs to sigma: a factor on chi-square gates, or a robust loss with its knee. Empty where there is none.
+        What belongs to sigma: a track or observation gate, or a robust loss with its knee. Empty where there is none.
     innovations
-        What innovations look like, px.
+        What innovations suggest, px.
     cameras
         Of how many cameras positions are that sigma is for: 2 of a tracker of a second camera.
     """

@@ -47,8 +47,8 @@ def _closing(rows: pl.DataFrame) -> str:
     """What intervals and tests are about."""
     levels = rows["level"].drop_nulls()
     if levels.is_empty():
-        return "Intervals are for one coordinate alone; scenes weigh equally."
-    return f"Tests and their {intervals_at(levels[0])} are for u and v together; scenes weigh equally."
+        return "Intervals are for one coordinate alone; all scenes have equal weight."
+    return f"Tests and their {intervals_at(levels[0])} are for u and v together; all scenes have equal weight."
 
 
 def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) -> Part | None:
@@ -70,7 +70,9 @@ def _bias_of(tables: RunTables, conditions: ReportedConditions, tracker: str) ->
     sentences = _at_one_age(mean, conditions, row, length, means)
     sentences += [_wider_claim(conditions, row, overall)]
     intervals = conditions.intervals(tables, tracker)
-    sentences += [curve_scenes(intervals, conditions, "mean", row["at"], "u", weighting=Weighting.scenes, of="In u")]
+    sentences += [
+        curve_scenes(intervals, conditions, "mean", row["at"], "u", weighting=Weighting.scenes, of="The mean in u")
+    ]
     if row["share_of_second"] is not None:
         share = percent(row["share_of_second"])
         sentences += [f"The square of the mean is {share} of the mean square error, u and v together."]
@@ -146,8 +148,8 @@ def _at_one_age(
     p = row["sign_flip_p"]
     if p is None:
         sizes = _in_each(means, f"{sentence_case(mean)} in u is") or [f"{sentence_case(mean)} is unknown."]
-        where = f"That is {conditions.place(row['at'])}."
-        return [*sizes, where, because("Whether it is zero in other scenes was not tested", row["why"])]
+        where = f"This mean is {conditions.place(row['at'])}."
+        return [*sizes, where, because("Whether the mean is zero in other scenes was not tested", row["why"])]
     test = f"({chance(p)}, {count(row['n_scenes'], 'scene')})"
     is_zero = f"{mean} is not zero" if verdict_at(row) == Verdict.yes else f"it is undecided whether {mean} is zero"
     lengths = [f"Its length is {format_estimate(estimate)}." for estimate in length]
@@ -162,8 +164,8 @@ def _wider_claim(conditions: ReportedConditions, row: Mapping[str, Any], overall
     if overall["verdict"] == Verdict.yes:
         claim = "it is not zero"
     else:
-        claim = "this is not established" if verdict_at(row) == Verdict.yes else "this is undecided too"
-    return f"Over all {conditions.axis}s and conditions together {claim} ({chance(p)})."
+        claim = "no bias is established" if verdict_at(row) == Verdict.yes else "it is undecided, too"
+    return f"Over all {conditions.axis}s and conditions together, {claim} ({chance(p)})."
 
 
 def _means(
@@ -236,8 +238,8 @@ def _wider(subject: Subject, verdict: Verdict, overall: Mapping[str, Any]) -> st
     if p is None or overall["verdict"] == verdict:
         return ""
     where = f"over all {subject.conditions.axis}s and conditions together"
-    claim = "the mean is not zero" if overall["verdict"] == Verdict.yes else "this is not established"
-    return f"{where} {claim} ({chance(p)})"
+    claim = "the mean is not zero" if overall["verdict"] == Verdict.yes else "no bias is established"
+    return f"{where}, {claim} ({chance(p)})"
 
 
 def _bias_sentence(
@@ -254,7 +256,7 @@ def _bias_sentence(
     if wider and verdict == Verdict.yes:
         return f"{subject.conditions.opening_place(row['at'])}, {tracker} is biased by {shown.text}; {wider}."
     if wider:
-        return f"{sentence_case(place)} alone no bias of {tracker} is shown; {wider}."
+        return f"{sentence_case(place)} alone, no bias of {tracker} is established; {wider}."
     opening = f"{tracker} is biased" if verdict == Verdict.yes else f"No bias of {tracker} is established"
     return f"{opening}; {size}."
 

@@ -91,7 +91,7 @@ def _judged(called: str, nees: Mapping[str, Any]) -> str:
 
 
 def _held(rows: Rows, level: int) -> str:
-    return f"{level}{SPACE}% regions hold {100.0 * rows[f'coverage_{level}']['value']:.0f}{SPACE}%"
+    return f"{level}{SPACE}% regions contain {100.0 * rows[f'coverage_{level}']['value']:.0f}{SPACE}% of the errors"
 
 
 def _of_large_errors(rows: Rows) -> list[str]:
@@ -100,7 +100,7 @@ def _of_large_errors(rows: Rows) -> list[str]:
     too_small = rows["nees"]["verdict"] == Verdict.no and rows["nees"]["value"] > 1.0
     if not too_small or low is None or low < 0.5:
         return []
-    return [f"But {_held(rows, 50)}: a few large errors make the factor, which a robust loss treats better."]
+    return [f"But {_held(rows, 50)}: a few large errors cause the factor.", "A robust loss handles them better."]
 
 
 def _shape(rows: Rows) -> list[str]:
@@ -134,11 +134,11 @@ def _ranking(rows: Rows) -> list[str]:
     estimate = Estimate.of_row(rows["ranking"], "value", "low", "high")
     verdict = rows["ranking"]["verdict"]
     if verdict == Verdict.undecided:
-        return ["Whether they tell which errors are large is undecided."]
+        return ["Whether larger covariances have larger errors is undecided."]
     if estimate.low is None:
-        return ["They do not tell which errors are large: all have one size."]
-    ratio = f"those predicted as large are {format_estimate(estimate)} times the others"
-    return [f"They{'' if verdict == Verdict.yes else ' do not'} tell which errors are large: {ratio}."]
+        return ["They do not say which errors are large: all have one size."]
+    ratio = f"errors that are predicted as large are {format_estimate(estimate)} times the others"
+    return [f"Larger covariances {'have' if verdict == Verdict.yes else 'do not have'} larger errors: {ratio}."]
 
 
 def _use(rows: Rows) -> list[str]:
@@ -148,9 +148,9 @@ def _use(rows: Rows) -> list[str]:
     gain = Estimate.of_row(rows["gain"], "value", "low", "high")
     gain_text = format_as(gain, thousandths, unit=f"{SPACE}nat")
     if rows["gain"]["verdict"] == Verdict.yes:
-        return [f"Scaled, they gain {gain_text} per error over one sigma."]
+        return [f"After scaling, they gain {gain_text} per error over one sigma for all."]
     if rows["gain"]["verdict"] == Verdict.no:
-        return [f"One sigma for all is better: scaled, they gain {gain_text}." if _is_worse(gain) else _AS_GOOD]
+        return [f"One sigma for all is better: after scaling, they gain {gain_text}." if _is_worse(gain) else _AS_GOOD]
     return ["Whether one sigma for all is as good is undecided."]
 
 

@@ -26,8 +26,8 @@ def depths(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     shown = _at_shared_window(enough, shares)
     return conditions.headline(
         lambda tracker: _depths_of(conditions.of(shown, tracker), tracker),
-        opening=f"95{SPACE}% depth intervals {conditions.where(tables)}{errors}.{_length(shown)}",
-        closing=f"The noise was learned from other scenes than it was tried on.{brackets}",
+        opening=f"Coverage of 95{SPACE}% depth intervals {conditions.where(tables)}{errors}.{_length(shown)}",
+        closing=f"The noise of each interval was learned from other scenes.{brackets}",
         figure="estimator",
         table="depth_intervals",
     )
@@ -50,13 +50,14 @@ def _depths_of(table: pl.DataFrame, tracker: str) -> Part | None:
         return None
     rows = {row["covariance"]: row for row in table.to_dicts()}
     shares = {name: Estimate.of_row(row, "value", "low", "high", "share") for name, row in rows.items()}
-    sentences = [f"{tracker}: with the residual core they hold {_share(shares[_RESIDUAL])} of the true depths."]
+    residual = _share(shares[_RESIDUAL])
+    sentences = [f"{tracker}: intervals from the residual core contain {residual} of the true depths."]
     if _CONSISTENT in shares:
         share = shares[_CONSISTENT]
-        sentences.append(f"With the sigma for depths they hold {_share(share)}.")
-        sentences += [f"They are still too narrow for 95{SPACE}%."] if share.below(_CLAIMED) else []
+        sentences.append(f"Intervals from the sigma for depths contain {_share(share)}.")
+        sentences += ["These are still too narrow."] if share.below(_CLAIMED) else []
     if _WHOLE in shares:
-        sentences.append(f"With the covariance of whole tracks they hold {_share(shares[_WHOLE])}.")
+        sentences.append(f"Intervals from the covariance of whole tracks contain {_share(shares[_WHOLE])}.")
     stated = [shares[name] for name in (_RESIDUAL, _CONSISTENT, _WHOLE) if name in shares]
     return Part(" ".join(sentences), stated)
 
@@ -84,15 +85,15 @@ def depth_shares(data: RunData) -> pl.DataFrame:
 
 
 def depth_sentence(data: RunData, tracker: str) -> str:
-    """What 95 % intervals of depths hold with the residual core and with the consistent sigma; empty if unknown."""
+    """What 95 % intervals of depths contain by the residual core and by the consistent sigma; empty if unknown."""
     rows = depth_shares(data).filter(tracker=tracker, at=95)
     shares = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
     if not {"residual sigma", "consistent sigma"} <= set(shares):
         return ""
     residual, consistent = shares["residual sigma"], shares["consistent sigma"]
     return (
-        f"{tracker}: with the residual core, a 95{SPACE}% depth interval holds {residual} of true depths; with "
-        f"the sigma for depths, {consistent}."
+        f"{tracker}: 95{SPACE}% depth intervals contain {residual} of the true depths with the residual core, and "
+        f"{consistent} with the sigma for depths."
     )
 
 

@@ -53,7 +53,7 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
     means = [_estimate(rows[side, "mean"]) for side in differing]
     where = f"{conditions.opening_place(at)}, the mean error of {tracker} {IN[coordinate]}"
     sentences = [
-        f"{where} is another one beside depth edges.",
+        f"{where} differs beside depth edges.",
         f"On {_SIDES[differing[0]]} it is {format_estimate(means[0])}.",
     ]
     sentences += [f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in _rest(differing, means)]
@@ -100,11 +100,11 @@ def _shares(rows: Mapping[tuple[str, str], Mapping[str, Any]], side: EdgeSide) -
         return []
     if not _estimate(of_mean).above(_MOST):
         return []
-    numbers = f"They are {percent(share['value'])} of the features, with {percent(of_mean['value'])} of the mean."
-    means = (
-        f"The mean of all features is {px(_mean_of_all(rows))}; without {_SIDES[side]} it is {px(without['value'])}."
+    numbers = (
+        f"These are {percent(share['value'])} of the features, and have {percent(of_mean['value'])} of the mean error."
     )
-    return [f"Most of the drift is features on {_SIDES[side]} of depth edges.", numbers, means]
+    means = f"The mean of all features is {px(_mean_of_all(rows))}, and without {_SIDES[side]} {px(without['value'])}."
+    return [f"Most of the drift comes from features on {_SIDES[side]} of depth edges.", numbers, means]
 
 
 def _removed(rows: Mapping[tuple[str, str], Mapping[str, Any]]) -> list[str]:

@@ -216,10 +216,11 @@ def _first(ranked: Mapping[str, int]) -> list[str]:
 
 
 def _leaders(data: RunData, ranked: Mapping[str, int]) -> str:
-    """Who leads by the core, and by the RMS over tracks where that differs."""
+    """Which trackers are first by the core, and by the RMS over tracks where these are others."""
     first, by_rms = _first(ranked), _first(_best_ranks(data, "second"))
     differs = 0 < len(by_rms) < min(len(ranked), _MOST_NAMED + 1) and set(by_rms) != set(first)
-    rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)}" if differs else ""
+    leads = "is" if len(by_rms) == 1 else "are"
+    rest = f"; by {rms_of_tracks(data.trimming)}, {_some(by_rms)} {leads} first" if differs else ""
     apart = disputed_ranks(ranks_by_role(data).filter(role="core"))
     if len(first) == 1:
         return f"{first[0]} has the smallest typical error of {len(ranked)} trackers{rest}.{apart}"
@@ -240,7 +241,7 @@ def _said_of_truth(data: RunData, found: Judgement) -> Judgement:
     if data.truth.is_usable:
         return found
     is_better = found.answer.verdict == Verdict.yes
-    alike = "Errors of the truth are the same for all: the order holds, and the ratio is at least this."
+    alike = "Errors of the truth are the same for all trackers: the order holds, and the ratio is at least this large."
     left = alike if is_better else "Errors of the truth can hide a difference."
     return replace(found, text=f"{found.text} {left}{_apart(data)}")
 
@@ -268,18 +269,18 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
     if verdict == Verdict.yes and row["better"] in pair:
         better, worse = row["better"], pair[1 - pair.index(row["better"])]
         if _is_more(_rms_ratio(data, better, worse)):
-            core = f"{better} is better than {worse} by {size}{bounds} in the core"
-            return f"Typical error: {core}; large errors make the {rms} of {better} larger."
+            core = f"Typical errors (core) of {worse} are {size}{bounds} those of {better}"
+            return f"{core}; large errors give {better} the larger {rms}."
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""
-        core = f"the core error of {worse} is {size} as large{bounds}"
+        core = f"the core error of {worse} is {size}{bounds} as large"
         return f"{better} is more accurate{than}: {core} {everywhere}."
     if verdict == Verdict.no:
         return _equal(data, row, pair)
     larger, smaller = row["larger"] or pair[0], _smaller(row)
     if _is_more(row["effect"]) and _is_more(_rms_ratio(data, smaller, larger)):
-        core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
+        core = f"the core error of {larger} is {size}{bounds} that of {smaller}"
         return f"Undecided: {core}, but its {rms} is smaller.{disputed}"
-    core = f"the core error of {larger} is {size} that of {smaller}{bounds}"
+    core = f"the core error of {larger} is {size}{bounds} that of {smaller}"
     return f"It is undecided which is more accurate: {core} {everywhere}.{disputed}"
 
 
@@ -301,7 +302,7 @@ def _equal(data: RunData, row: dict[str, Any], pair: Sequence[str]) -> str:
     larger = max(times, key=lambda name: times[name])
     if times[larger] > row["margin"]:
         of = f"{rms_of_tracks(data.trimming)} of {larger} {ratio(times[larger])} times as large"
-        return f"Typical error: {first} and {second} are equal within {_margin(row)}; large errors make the {of}."
+        return f"Typical errors of {first} and {second} are equal within {_margin(row)}; large errors make the {of}."
     return f"{first} and {second} are equally accurate: core errors differ by less than {_margin(row)}."
 
 
@@ -375,7 +376,7 @@ def _core_or_rms(data: RunData) -> str:
 
 
 def changes(data: RunData) -> list[str]:
-    """What each factor changes, and what is open, in a sentence; none where no question was asked."""
+    """What each factor changes, and what is undecided, in a sentence; none where no question was asked."""
     rows = asked(data["dependence"], data.conditions())
     groups = list(rows.group_by("factor", maintain_order=True))
     told = [_changed(f"The {factor_name(str(name))}", of_factor) for (name,), of_factor in groups[:_MOST_NAMED]]
@@ -383,7 +384,7 @@ def changes(data: RunData) -> list[str]:
 
 
 def _changed(factor: str, rows: pl.DataFrame) -> str:
-    """Which statistics a factor changes for every tracker, which for some, and which are open."""
+    """Which statistics a factor changes for every tracker, which for some, and which are undecided."""
     verdicts = {STATISTICS[str(role)]: set(of["verdict"]) for (role,), of in rows.group_by("role", maintain_order=True)}
     every = [name for name, found in verdicts.items() if found == {Verdict.yes}]
     some = [name for name, found in verdicts.items() if Verdict.yes in found and name not in every]
@@ -391,7 +392,7 @@ def _changed(factor: str, rows: pl.DataFrame) -> str:
     whose = " of every tracker" if rows["tracker"].n_unique() > 1 else ""
     changed = [f"{listing(every)}{whose}"] if every else []
     changed += [f"{listing(some)} of some"] if some else []
-    left = f"; {listing(open_)} {'is' if len(open_) == 1 else 'are'} open" if open_ else ""
+    left = f"; undecided: {listing(open_)}" if open_ else ""
     if not changed:
         return f"{factor} is not shown to change any statistic."
     return f"{factor} changes {', and '.join(changed)}{left}."

@@ -43,13 +43,13 @@ _OPENINGS: Mapping[Verdict, str] = {
     Verdict.undecided: "growth is undecided",
 }
 _CHANGES: Mapping[Verdict, str] = {
-    Verdict.yes: "the RMS grows {}",
+    Verdict.yes: "the RMS grows; it becomes {} as large",
     Verdict.no: "the RMS does not grow; it becomes {} as large",
-    Verdict.undecided: "growth of the RMS is open; it becomes {} as large",
+    Verdict.undecided: "growth of the RMS is undecided; it becomes {} as large",
 }
 _MOST_SPAN = 1000.0
 """A ratio whose interval spans more, from a fall to a rise, is unknown."""
-_BESIDE_MODELS = " Outliers count; a noise model leaves them out, so that its walk and drift can be far smaller."
+_BESIDE_MODELS = " Outliers are included; a noise model excludes them, so that its walk and drift can be far smaller."
 _KNOWN = (Behaviour.white, Behaviour.random_walk, Behaviour.drift, Behaviour.saturating)
 
 
@@ -63,7 +63,7 @@ def growth(tables: RunTables, conditions: ReportedConditions) -> Headline | None
     return conditions.headline(
         lambda tracker: _growth_of(tables, conditions, tracker, names_ages=not shared),
         opening=f"Growth of {errors} {conditions.where(tables)}.{shared}",
-        closing=f"Scenes count alike. Growth by less than the margin counts as none.{beside}",
+        closing=f"All scenes have equal weight. Growth by less than the margin counts as none.{beside}",
         figure="time-structure",
         table="time_structure",
     )
@@ -108,9 +108,9 @@ def _how(row: Mapping[str, Any], parts: Mapping[str, Estimate]) -> tuple[str, li
         stated = coverage_sentence("Errors have heavy tails:", row["level"], row["coverage"])
         return joined([*listed, stated]), list(parts.values())
     if row["verdict"] == Behaviour.none:
-        return because("How it grows is open, as none of the models fits", row["why"]), []
+        return because("No growth model fits", row["why"]), []
     is_told = _grows(row) == Verdict.undecided and growth_ratio(row) is not None
-    return because("How it grows is open", row["why"]) if row["why"] and not is_told else "", []
+    return because("How it grows is undecided", row["why"]) if row["why"] and not is_told else "", []
 
 
 def _parts(row: Mapping[str, Any]) -> dict[str, Estimate]:
@@ -178,7 +178,7 @@ def growth_message(data: RunData) -> str:
         value = row["growth_ratio"]
         if value is not None and growth_verdict(data, conditions, row, row["growth_to"]) == Verdict.yes:
             subject = f"The RMS error of {row['tracker']} in {row['coordinate']}"
-            messages.append((value, f"{subject} grows {ratio(value)} times {_up_to(conditions, row)}"))
+            messages.append((value, f"{subject} becomes {ratio(value)} times as large {_up_to(conditions, row)}"))
     return max(messages)[1] if messages else ""
 
 
@@ -213,9 +213,9 @@ def growth_measure(subject: Subject) -> Measure | None:
     note = f"RMS in {axis} of the same tracks {_from_to(subject.conditions, row)}; {_kinds(rows.values())}"
     change = f"their RMS in {axis} becomes {with_interval(shown)} as large"
     sentence = {
-        Verdict.yes: f"{sentence_case(errors)} grow with age; their RMS in {axis} grows {with_interval(shown)}.",
+        Verdict.yes: f"{sentence_case(errors)} grow with age; {change}.",
         Verdict.no: f"No growth of {errors} was found; {change}.",
-        Verdict.undecided: f"Whether {errors} grow with age is open; {change}.",
+        Verdict.undecided: f"Whether {errors} grow with age is undecided; {change}.",
     }[verdict]
     answered = answer("grows", verdict, wished=Verdict.no)
     return Measure("growth", "times", shown, _NO_GROWTH, answered, note, sentence, "time-structure")
@@ -244,14 +244,14 @@ def _from_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
 def _kind_of_growth(row: Mapping[str, Any]) -> str:
     """How errors grow, in a few words. `row`: of `TIME_STRUCTURE`."""
     if row["verdict"] == Behaviour.undecided:
-        return "how is open" if _grows(row) == Verdict.yes else "undecided"
+        return "kind undecided" if _grows(row) == Verdict.yes else "undecided"
     return _HOW.get(row["verdict"], row["verdict"])
 
 
 def _up_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:
     """The last age that is compared, in a few words."""
     last = row["growth_to"]
-    return f"up to age {last}" if conditions.axis == Axis.age else f"within {count(last, 'frame')}"
+    return f"by age {last}" if conditions.axis == Axis.age else f"within {count(last, 'frame')}"
 
 
 def _kinds(rows: Iterable[Mapping[str, Any]]) -> str:

@@ -137,8 +137,8 @@ def in_brackets(rows: pl.DataFrame) -> str:
     texts = interval_texts(rows.drop_nulls(["low", "high"]), "n_scenes")
     n_scenes = rows["n_scenes"].max()
     if not texts and isinstance(n_scenes, int) and n_scenes < MIN_SCENES:
-        return f" Numbers are of {count(n_scenes, 'scene')}, too few for intervals."
-    return "".join(f" {'Others are' if place else 'In brackets:'} {text}." for place, text in enumerate(texts))
+        return f" Numbers have no intervals: {count(n_scenes, 'scene')} {'is' if n_scenes == 1 else 'are'} too few."
+    return "".join(f" {'Others' if place else 'Brackets'} hold {text}." for place, text in enumerate(texts))
 
 
 def intervals_of(tables: RunTables) -> pl.DataFrame:
@@ -355,14 +355,17 @@ def curve_scenes(
     coordinate: str,
     *,
     weighting: str,
-    of: str = "Of this number",
+    of: str = "This number",
 ) -> str:
-    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown."""
+    """Write how much scenes differ at a point of a curve, and where the next one is expected; empty where unknown.
+
+    `of`: the number, as the subject of the sentence.
+    """
     row = curve_rows(intervals, conditions, role, at, coordinate, weighting=weighting)
     return _scenes(row, of, is_scale=role != "mean")
 
 
-def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "Of this number") -> str:
+def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "This number") -> str:
     """The same for a statistic of which each condition has one number."""
     return _scenes(intervals.filter(statistic=statistic), of, is_scale=True)
 
@@ -370,11 +373,11 @@ def scalar_scenes(intervals: pl.DataFrame, statistic: str, *, of: str = "Of this
 def _scenes(intervals: pl.DataFrame, opening: str, *, is_scale: bool) -> str:
     rows = intervals.drop_nulls(["spread", "next_low", "next_high"]).head(1).to_dicts()
     texts = [
-        f"{opening}, {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
+        f"{opening} {spread_text(row['spread'], row['unit'], is_scale=is_scale)}; "
         f"{next_scene_text(row['next_low'], row['next_high'], row['unit'])}."
         for row in rows
     ]
-    return joined([*texts, *(coverage_sentence("There", row["level"], row["coverage"]) for row in rows)])
+    return joined([*texts, *(coverage_sentence("For this number,", row["level"], row["coverage"]) for row in rows)])
 
 
 def scalar_estimate(row: Mapping[str, Any], intervals: pl.DataFrame, statistic: str, unit: str) -> Estimate:

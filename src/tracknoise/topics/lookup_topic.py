@@ -12,7 +12,7 @@ from tracknoise.tables.enumerations import Lookup, Product
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables
 from tracknoise.topics.sentences import because
 from tracknoise.topics.topic import Analysis, Topic
-from tracknoise.words import SPACE, format_as, listing, thousandths, times
+from tracknoise.words import SPACE, format_as, listing, ratio, thousandths
 
 _BY = {Lookup.tracker: "tracker", Lookup.speed: "speed", Lookup.motion: "motion"}
 _ADDED = {Lookup.tracker: "The tracker", Lookup.speed: "The speed", Lookup.motion: "The motion of the scene"}
@@ -53,7 +53,7 @@ def brief(lookups: pl.DataFrame) -> str:
     over_one = [row for row in rows if row["against"] == Lookup.one]
     best = _best(rows)
     if best is None:
-        return "No gain is established of separate noise by condition over one for all."
+        return "Separate noise by condition is not shown to be better than one noise for all."
     return _advice(best, over_one)
 
 
@@ -76,15 +76,15 @@ def _answer(best: Mapping[str, Any] | None, product: Product, over_one: list[dic
     if best is None:
         first = next(row for row in over_one if row["gain_nats"] is not None)
         return (
-            f"No gain is established of separate noise by {_by(first, over_one)} over one for all. On unseen scenes it "
-            f"is {_nats(first)}, for {_WHAT[product]}."
+            f"Separate noise by {_by(first, over_one)} is not shown to be better than one noise for all. The gain on "
+            f"unseen scenes is {_nats(first)} per error, for {_WHAT[product]}."
         )
     return f"{_advice(best, over_one)} The gain is {_nats(best)} per error, for {_WHAT[product]}."
 
 
 def _advice(best: Mapping[str, Any], over_one: list[dict[str, Any]]) -> str:
     """By what to look noise up, and what it is off by on scenes that were left out."""
-    off = f"off by {times(best['factor'])}, a shared one by {times(best['factor_against'])}"
+    off = f"off by a factor of {ratio(best['factor'])}, common noise by {ratio(best['factor_against'])}"
     return f"Use separate noise by {_by(best, over_one)}: on unseen scenes its second moment is {off}."
 
 

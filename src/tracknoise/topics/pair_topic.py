@@ -8,8 +8,8 @@ from tracknoise.topics.topic import NO_ROWS, Topic, pooled
 from tracknoise.words import format_estimate
 
 _CLOSING = (
-    "Where errors in both cameras correlate, both positions of a feature are no independent measurements. "
-    "z is the depth in metres. What hides a point from the second camera alone is not known."
+    "If errors in both cameras are correlated, the two positions of a feature are not independent measurements. "
+    "z is the depth in metres. Occlusion in the second camera alone is not known."
 )
 
 
@@ -44,7 +44,7 @@ def _pair_of(rows: list[dict[str, object]], tracker: str) -> Part | None:
     if "depth_sd_square" in found:
         constant, square = found["depth_sd_constant"], found["depth_sd_square"]
         sentences.append(
-            f"Depths by both have a standard deviation of a + b z^2: a is {format_estimate(constant)}, "
+            f"Depths by both cameras have a standard deviation of a + b z^2: a is {format_estimate(constant)}, "
             f"b is {format_estimate(square)}."
         )
         named += [constant, square]

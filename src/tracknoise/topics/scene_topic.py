@@ -28,14 +28,14 @@ def copied_scenes(_tables: RunTables, conditions: ReportedConditions) -> Headlin
     copies = conditions.groups.copies
     if not copies:
         return None
-    pairs = [f"{scene} has those of {original}." for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
+    pairs = [f"{scene} has the images of {original}." for (_, scene), original in sorted(copies.items())[:MOST_NAMED]]
     text = joined(
         [
-            f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another.",
+            f"{count(len(copies), 'scene')} {'has' if len(copies) == 1 else 'have'} the images of another scene.",
             *pairs,
-            "So have others." if len(copies) > MOST_NAMED else "",
+            "Further scenes are copies, too." if len(copies) > MOST_NAMED else "",
             "Copies of a recording are not independent, so that intervals are too narrow.",
-            "Leave them out with dataset.scenes.",
+            "Leave copies out with dataset.scenes.",
         ]
     )
     brief = "Some scenes have the images of others, so that intervals are too narrow."
@@ -52,7 +52,7 @@ def few_scenes(tables: RunTables, _conditions: ReportedConditions) -> Headline |
     affected = counted_of(few.height, measured.height, "condition", "has", "have")
     scenes = count(numbers[0], "scene") if len(numbers) == 1 else f"{numbers[0]} to {numbers[-1]} scenes"
     of_all = f"Every condition has only {scenes}."
-    opening = of_all if few.height == measured.height else f"{affected} few scenes. That is only {scenes}."
+    opening = of_all if few.height == measured.height else f"{affected} only {scenes}."
     text = f"{opening} {_limits(numbers[0], intervals_of(tables))}"
     brief = f"Conditions have as few as {count(numbers[0], 'scene')}, which limits what intervals and tests can say."
     return Headline(text, "measured", "summary", Estimate(numbers[0], unit="scenes"), brief=brief)
@@ -63,11 +63,11 @@ def _limits(fewest: int, intervals: pl.DataFrame) -> str:
     if fewest < MIN_SCENES:
         opening = f"With fewer than {MIN_SCENES} scenes,"
     elif intervals.filter(pl.col("n_scenes") >= MIN_SCENES, resampled=Resampled.blocks).height:
-        opening = "They form too few groups to be resampled, so that"
+        opening = "The scenes form too few groups to be resampled, so that"
     else:
         return f"Intervals from fewer than {ENOUGH_SCENES} scenes are less reliable."
     return (
-        f"{opening} intervals come from blocks of tracks within the scenes. They "
+        f"{opening} intervals come from blocks of tracks within the scenes. Intervals "
         "hold for these scenes only. Tests of the mean error and of factors at the 5 % level are then not possible."
     )
 
@@ -82,8 +82,8 @@ def grouped_scenes(tables: RunTables, conditions: ReportedConditions) -> Headlin
     opening = f"{count(len(names), 'scene')} come in {count(len(groups), 'group')} of scenes that may be alike"
     if (resampled["resampled"] == Resampled.within).any():
         group_names = f": {listing(groups)}" if len(groups) <= MOST_NAMED else ""
-        brief = f"Results hold for these {count(len(groups), 'group')} of scenes only{group_names}."
-        text = f"{brief} There are {count(len(names), 'scene')}, which are resampled within their groups."
+        brief = f"Results hold only for these {count(len(groups), 'group')} of scenes{group_names}."
+        text = f"{brief} Intervals resample {count(len(names), 'scene')} within their groups."
     else:
         brief = f"{opening}; intervals allow for it."
         text = f"{opening}. Intervals resample whole groups."

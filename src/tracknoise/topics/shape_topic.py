@@ -1,6 +1,7 @@
 """Whether errors are Gaussian."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -78,9 +79,9 @@ def _gain(row: Mapping[str, Any], name: str) -> list[Estimate]:
 
 def _tails(row: Mapping[str, Any], within: list[Estimate], scales: list[Estimate]) -> list[str]:
     tail = row["tail_99_within"]
-    texts = [f"Within scenes, {number(tail)} times as many lie beyond the 99{SPACE}% ellipse as of a Gaussian."]
-    gains = [f"There Student's t gains {format_estimate(gain)} per error over a Gaussian." for gain in within]
-    added = [f"Different scales of scenes add {format_estimate(gain)}." for gain in scales]
+    texts = [f"Within scenes, {number(tail)} times as many errors as of a Gaussian lie beyond its 99{SPACE}% ellipse."]
+    gains = [f"Within scenes, Student's t gains {format_estimate(gain)} per error over a Gaussian." for gain in within]
+    added = [f"Different scales of scenes add {format_estimate(gain)} to this gain." for gain in scales]
     return [*([] if tail is None else texts), *gains, *added]
 
 
@@ -112,13 +113,13 @@ def shape_measure(subject: Subject) -> Measure | None:
     pooled = row["kurtosis_within"] is None
     part, part_name = ("kurtosis", "pooled kurtosis") if pooled else ("kurtosis_within", "kurtosis within scenes")
     kurtosis = Estimate.of_row(row, part, f"{part}_low", f"{part}_high")
-    shown, times = card_number(kurtosis), with_interval(card_number(kurtosis.times(1.0 / _GAUSSIAN_KURTOSIS)))
+    shown, ratio = card_number(kurtosis), replace(kurtosis.times(1.0 / _GAUSSIAN_KURTOSIS), unit="times")
     heavy = {Shape.undecided: Verdict.undecided, **dict.fromkeys(_HEAVY, Verdict.yes)}.get(row["verdict"], Verdict.no)
     answered = answer("heavy tails", heavy, wished=Verdict.no)
-    size = "unknown" if shown.value is None else f"{times} times that of a Gaussian"
+    size = "unknown" if shown.value is None else f"{with_interval(card_number(ratio))} that of a Gaussian"
     sentence = f"Errors of {subject.tracker} are {SHAPES[row['verdict']]}: their kurtosis is {size}."
     ages = band_text(subject.conditions.axis, row["age_low"], row["age_high"])
-    note = f"{part_name}, {ages} (Gaussian: {_GAUSSIAN_KURTOSIS:g}){_far_share(subject)}"
+    note = f"{part_name} (Mardia's: {_GAUSSIAN_KURTOSIS:g} for a Gaussian), {ages}{_far_share(subject)}"
     return Measure("tails", "", shown, _GAUSSIAN_KURTOSIS, answered, note, sentence, "gaussianity")
 
 

@@ -55,8 +55,8 @@ def size(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
 def _robust(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Core and root mean square of all tracks, and the share of far errors."""
     closing = (
-        "The core is the sigma of the Gaussian with the same median error. Of the errors of a Gaussian, "
-        f"0.3{SPACE}% exceed three cores.{'' if _is_one_scene(tables, conditions) else _OVER_SCENES}"
+        "The core is the sigma of the Gaussian with the same median absolute error. A Gaussian has "
+        f"0.3{SPACE}% of its errors beyond three cores.{'' if _is_one_scene(tables, conditions) else _OVER_SCENES}"
         f"{_population(conditions)}"
         f"{_brackets(tables, conditions, Weighting.geometric)}"
     )
@@ -111,7 +111,7 @@ def _cores(
     if len(texts) == 2:
         yield f"In v the core is {texts['v']}.{few['v']}"
     else:
-        yield f"In {'v' if axis == 'u' else 'u'} there is none: most errors are exactly zero."
+        yield f"In {'v' if axis == 'u' else 'u'} it has no core: most errors are exactly zero."
 
 
 def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int, axis: str) -> str:
@@ -123,7 +123,9 @@ def _few_scenes(intervals: pl.DataFrame, conditions: ReportedConditions, at: int
     )
     if not n_core or n_core[0] == max([*n_core, *n_core_u, *n_rms]):
         return ""
-    return f" It is of {count(n_core[0], 'scene')}; the others have few errors, or mostly errors of exactly zero."
+    return (
+        f" This core is of {count(n_core[0], 'scene')}; other scenes have few errors, or mostly errors of exactly zero."
+    )
 
 
 def _beyond(row: Mapping[str, Any], trimming: str) -> list[str]:
@@ -229,7 +231,8 @@ def _survivorship_of(tables: RunTables, conditions: ReportedConditions, tracker:
             all_tracks = size_estimate(row, intervals, conditions, "rms", "u", trimming)
             text = (
                 f"{conditions.opening_place(row['at'])}, tracks of {tracker} that live to age {age} are compared with "
-                f"all. Their error in u is {format_estimate(long)}. For all tracks it is {format_estimate(all_tracks)}."
+                f"all. The long-lived tracks have an error in u of {format_estimate(long)}. All tracks have "
+                f"{format_estimate(all_tracks)}."
             )
             brief = f"The RMS over the tracks of {tracker} that live long is {short(long)} in u."
             return Part(text, [long, all_tracks], brief)

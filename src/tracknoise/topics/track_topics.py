@@ -17,11 +17,11 @@ from tracknoise.topics.measures import Subject, card_number, estimate_cell, firs
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Column, Topic
 from tracknoise.words import count, format_estimate, percent
 
-_ONE_SEED = "One random seed was used, so that the chance of the seed was not measured (seeds = 1)."
+_ONE_SEED = "The run has one random seed (seeds = 1), so that the spread between seeds is unknown."
 _LIFETIMES = {
     "median_lifetime": "",
     "restricted_mean_lifetime": "The restricted mean is {}.",
-    "restricted_mean_until_failure": "Until failure it is {}.",
+    "restricted_mean_until_failure": "The restricted mean until failure is {}.",
 }
 """Lifetimes that are reported, and their sentences after that of the median."""
 _ALL_LIVE = {
@@ -30,8 +30,8 @@ _ALL_LIVE = {
 }
 """Sentences where the mean is the number of frames to which it is restricted, which no bound can exceed."""
 _FAILURE = (
-    "A failure is a lost track or an outlier. Masked and displaced tracks then count as censored, which assumes that "
-    "they would have failed like the others."
+    "A failure is a lost track or an outlier. Until failure, masked and displaced tracks count as censored: they are "
+    "assumed to fail like the others."
 )
 
 
@@ -95,7 +95,7 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
     median = lifetime_texts.get(
         "median_lifetime", "unknown, because more than half of the tracks are alive at the end of the data"
     )
-    scenes = scalar_scenes(intervals, "restricted_mean_lifetime", of="Of the restricted mean")
+    scenes = scalar_scenes(intervals, "restricted_mean_lifetime", of="The restricted mean")
     texts = [
         f"{tracker}: the median is {median}.",
         *(

@@ -14,7 +14,7 @@ from tracknoise.topics.measures import first
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import MOST_NAMED, joined, sentences_of, together
 from tracknoise.topics.topic import Topic
-from tracknoise.words import condition_name, count, listing, number, percent, px, rms_of_tracks
+from tracknoise.words import condition_name, count, number, percent, px, rms_of_tracks
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
 _WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}
@@ -30,7 +30,7 @@ def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headl
         return None
     changed = f"Trimming the tracks with the largest errors changes {count(len(verdicts), 'answer')}."
     answers = [changed, *verdicts] if verdicts else []
-    orders = [*rankings, "Whether this holds in other scenes was not tested."] if rankings else []
+    orders = [*rankings, "Whether this ranking holds in other scenes was not tested."] if rankings else []
     brief = sentences_of(rankings[0])[0] if rankings else changed
     return Headline(" ".join([*answers, *orders]), "trimming", "summary", brief=brief)
 
@@ -57,9 +57,11 @@ def _ranking(tables: RunTables, conditions: ReportedConditions, at: int, axis: s
     if len(set(best.values())) == 1:
         return ""
     trimmed_leader, leader = best[Trimming.trimmed], best[Trimming.untrimmed]
-    claim = f"A few tracks decide the RMS ranking in {axis}: {leader} leads with them, {trimmed_leader} without."
+    claim = (
+        f"A few tracks decide the RMS ranking in {axis}: {leader} is first with them, {trimmed_leader} without them."
+    )
     sizes = (
-        f"The smallest {rms_of_tracks(trimming)} {conditions.place(at)} is {px(values[trimming][name])}, of {name}."
+        f"{name} has the smallest {rms_of_tracks(trimming)} {conditions.place(at)}, {px(values[trimming][name])}."
         for trimming, name in best.items()
     )
     return joined([claim, *sizes])
@@ -85,11 +87,11 @@ def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
     for tracker in conditions.trackers:
         for coordinate in "uv":
             kinds = [behaviour_of(tables, conditions, tracker, coordinate, trimming) for trimming in _BOTH]
-            sentences += _differs(kinds, f"The growth of the error of {tracker} in {coordinate}")
+            sentences += _differs(kinds, f"growth of the error of {tracker} in {coordinate}")
         summary = first(conditions.of(tables["summary"], tracker))
         at = None if summary is None else summary["at"]
         verdicts = [verdict_on_bias(tables, conditions, tracker, at, trimming) for trimming in _BOTH]
-        sentences += _differs(verdicts, f"Whether {tracker} has a mean error")
+        sentences += _differs(verdicts, f"bias of {tracker}")
     return sentences
 
 
@@ -97,8 +99,8 @@ def _differs(verdicts: Sequence[str | None], subject: str) -> Sequence[str]:
     words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
     if len(words) < len(_BOTH) or verdicts[0] == verdicts[1]:
         return []
-    answers = (f"{word} {trimming}" for word, trimming in zip(words, _BOTH, strict=True))
-    return [f"{subject}: {listing(answers)}."]
+    before, after = words
+    return [f"The verdict on {subject} is '{before}' before trimming and '{after}' after it."]
 
 
 def percentile_of(data: RunData) -> str:

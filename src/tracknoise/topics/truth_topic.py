@@ -51,7 +51,7 @@ def pose_errors(tables: RunTables, conditions: ReportedConditions) -> Headline |
     return conditions.headline(
         lambda tracker: _share_of(tables["pose_share"], conditions, tracker),
         opening=f"Errors that all features of a frame share {conditions.where(tables)}.",
-        closing=f"Outliers do not count, nor do ages above {REFERENCE_AGE}.",
+        closing=f"Outliers and ages above {REFERENCE_AGE} are left out.",
         figure="pose-errors",
         table="pose_share",
     )
@@ -64,10 +64,12 @@ def _share_of(table: pl.DataFrame, conditions: ReportedConditions, tracker: str)
     if own_share is None or not own_share.above(_LEAST_SHARE):
         return None
     explained = f"{format_estimate(own_share)} of the squared errors of {tracker}"
-    text = f"A motion that the stated poses lack explains {explained}."
-    brief = f"A motion that the stated poses lack explains {short(own_share)} of the squared errors of {tracker}."
+    text = f"A camera motion missing in the stated poses explains {explained}."
+    brief = (
+        f"A camera motion missing in the stated poses explains {short(own_share)} of the squared errors of {tracker}."
+    )
     if others_share is None:
-        unconfirmed = "No other tracker can confirm it, so that a motion common to all features may be its own."
+        unconfirmed = "No other tracker can confirm this motion, so that it may be an error of the tracker."
         return Part(f"{text} {unconfirmed}", [own_share], brief)
     seen = f"Pose errors that are fitted to the other trackers explain {format_estimate(others_share)}."
     return Part(f"{text} {seen} {_cause(others_share)}", [own_share, others_share], brief)
@@ -77,12 +79,12 @@ def _cause(others_share: Estimate) -> str:
     """What it means that other trackers see a motion too, or that they do not."""
     if others_share.above(_LEAST_SHARE):
         return (
-            "As the trackers agree, this part is probably an error of the truth. It may be of the poses, the clock or "
-            "the calibration, or a rolling shutter."
+            "The trackers agree, so that this part is probably an error of the truth. The cause may be the poses, the "
+            "clock, the calibration or a rolling shutter."
         )
     if others_share.below(_LEAST_SHARE):
-        return "They do not have this motion, so that it is probably the tracker's own."
-    return "It is undecided whether they have this motion too."
+        return "The other trackers do not have this motion, so that it is probably an error of the tracker."
+    return "Whether the other trackers have this motion, too, is undecided."
 
 
 def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -96,7 +98,7 @@ def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headl
     more = len(established) - MOST_TRACKERS
     opening = f"Mean differences of positions between trackers at the same corners {conditions.where(tables)}."
     remaining = [f"The table has {count(more, 'other pair')}."] if more > 0 else []
-    closing = " ".join([*remaining, "No error of the truth can cause such a difference."])
+    closing = " ".join([*remaining, "Errors of the truth cannot cause such differences."])
     named = established[:MOST_TRACKERS]
     return Headline(
         " ".join([opening, *(part.text for part in named), closing]),
@@ -118,11 +120,11 @@ def _difference(pair: pl.DataFrame, conditions: ReportedConditions) -> Part | No
     estimates = [Estimate.of_row(row, "value", "low", "high", "px") for row in rows]
     where = place(Axis.age, rows[0]["age"])
     first, *others = sorted(zip(rows, estimates, strict=True), key=lambda pair: not pair[0]["established"])
-    pair_of = f"{rows[0]['tracker']} less that of {rows[0]['other']}"
-    names = f"{rows[0]['tracker']} less {rows[0]['other']}"
+    pair_of = f"{rows[0]['tracker']} minus that of {rows[0]['other']}"
+    names = f"{rows[0]['tracker']} minus {rows[0]['other']}"
     u, v = each_axis([*map(format_estimate, estimates)], f"In u, {names} is")
     return Part(
-        f"{u} {v} This is {where}.",
+        f"{u} {v} These differences are {where}.",
         [first[1], *(estimate for _, estimate in others)],
         f"At the same corners, the mean position of {pair_of} is {short(first[1])} in {first[0]['coordinate']}.",
     )
@@ -193,7 +195,7 @@ def verdict_on_truth(tables: RunTables, conditions: ReportedConditions) -> Headl
 
 
 _BRIEF = {
-    Trust.limited: "Errors of the truth can be a part of the errors.",
+    Trust.limited: "A part of the measured errors can be errors of the truth.",
     Trust.not_trusted: "The truth is not trusted, so that errors may not be those of the trackers.",
     Trust.unknown: "Whether the truth can be trusted is unknown.",
     Trust.not_assessed: "Tracks do not follow the images, so that no number of this run means anything.",

@@ -78,7 +78,8 @@ def _windows_of_all(advice: Iterable[Sequence[Mapping[str, Any]]]) -> str:
 def _right(purpose: str, rows: pl.DataFrame) -> str:
     """What sigma makes right: with a gate, only where nothing is rejected."""
     has_gate = rows["quantity"].str.ends_with("_gate").any()
-    return f"Sigma makes {PURPOSES[Purpose(purpose)]} right{' where all pass the gate' if has_gate else ''}."
+    makes = f"Sigma makes {PURPOSES[Purpose(purpose)]} right"
+    return f"{makes} where the gates reject nothing. {ABOUT_GATES}." if has_gate else f"{makes}."
 
 
 def _simulated(row: Mapping[str, Any]) -> str:
@@ -104,14 +105,14 @@ def _advised(
     where = f" in {_windows(rows.to_dicts())}" if with_windows else ""
     text = joined([f"{tracker}: set {most}{format_estimate(sigma)}{where}.", caveat]) + together
     text = joined(
-        [text, f"Innovations will look like {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
+        [text, f"Innovations will suggest {px(innovations.value)}.", short_tracks(lifetime, rows["window"][0])]
     )
     if is_for_both(advice):
         position, rotation = advice["position_of_both"], advice["rotation_of_both"]
         text += (
-            f" This is for positions in both cameras. With them, errors of the newest position are "
-            f"{format_estimate(position)} times those with the first camera alone, and of its rotation "
-            f"{format_estimate(rotation)} times."
+            " The sigma is for positions in both cameras. With both cameras, errors of the newest position are "
+            f"{format_estimate(position)} times those with the first alone. Errors of the newest rotation are "
+            f"{format_estimate(rotation)} times those with the first alone."
         )
     stated = {**advice, "innovations": replace(innovations, low=None, high=None)}
     return Part(text, [stated[name] for name in _SAID if name in stated], f"{tracker}: set {most}{short(sigma)}.")
@@ -125,19 +126,24 @@ def is_for_both(advice: Collection[str]) -> bool:
 def _together(kernel: str | None, advice: Quantities) -> str:
     """What belongs to sigma: a robust loss, or gates."""
     if kernel is not None:
-        return f" Its {kernel.title()} loss has the knee at {number(advice['knee'].value)} sigma."
-    gates = {noun: advice[f"{gate}_gate"] for gate, noun in _GATED.items() if f"{gate}_gate" in advice}
-    gate_texts = listing([f"{number(estimate.value)} for {noun}" for noun, estimate in gates.items()])
+        return f" Set the knee of the {kernel.title()} loss to {number(advice['knee'].value)} sigma."
+    gates = {gate: advice[f"{gate}_gate"] for gate in _GATES if f"{gate}_gate" in advice}
     state = f" Set {px(advice['state_sigma'].value)} for features in the state." if "state_sigma" in advice else ""
-    tried = (
-        f" With the gate of tracks, NEES is {format_estimate(advice['gated_nees'])}." if "gated_nees" in advice else ""
-    )
-    return f"{state} Multiply chi-square gates by {gate_texts}.{tried}" if gates else ""
+    to_set = listing([f"{_article(gate)} {gate} gate of {number(factor.value)}" for gate, factor in gates.items()])
+    nees = format_estimate(advice["gated_nees"]) if "gated_nees" in advice else ""
+    tried = f" With this track gate, the NEES of the newest pose is {nees}." if nees else ""
+    return f"{state} Set {to_set}.{tried}" if gates else ""
 
 
-_GATED = {"track": "tracks", "observation": "single observations"}
+def _article(noun: str) -> str:
+    return "an" if noun[0] in "aeiou" else "a"
+
+
+_GATES = ("track", "observation")
+ABOUT_GATES = "Gates are factors on chi-square quantiles at .95"
+"""What the numbers of gates are, without full stop."""
 _OF_BOTH = ("position_of_both", "rotation_of_both")
-_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATED), "gated_nees", "innovations", *_OF_BOTH)
+_SAID = ("sigma", "knee", "state_sigma", *(f"{gate}_gate" for gate in _GATES), "gated_nees", "innovations", *_OF_BOTH)
 """Quantities in the order of the sentences."""
 
 
@@ -152,11 +158,14 @@ def depth_noise(tables: RunTables, conditions: ReportedConditions) -> Headline |
     of_length = "" if length is None else f" Windows have {length} frames."
     return conditions.headline(
         lambda tracker: _noise_of(windows, length, tables, conditions, tracker),
-        opening=f"Noise for the depths of points {conditions.where(tables)}{errors}.{of_length}",
-        closing=f"Windows begin at birth; numbers are medians over those of all scenes, with true poses.{brackets}",
+        opening=f"Sigma for the depths of points {conditions.where(tables)}{errors}.{of_length}",
+        closing=f"{_ABOUT_DEPTHS} Windows begin at birth; numbers are medians over those of all scenes.{brackets}",
         figure="findings" if conditions.fitted else "estimator",
         table="window_sigmas",
     )
+
+
+_ABOUT_DEPTHS = "The sigma for depths makes depths as uncertain as an estimator with true poses claims."
 
 
 def shown_window(windows: pl.DataFrame, conditions: ReportedConditions) -> int | None:
@@ -233,8 +242,8 @@ def _with_depth(quantities: Quantities, tracker: str, tables: RunTables) -> Part
     caveat = _caveat(consistent.value, tables, tracker)
     residuals = f"The residual core is {px(residual.value)}. {_certainty(factor)}."
     most = _most(caveat)
-    text = joined([f"{tracker}: depths are right with {most}{format_estimate(consistent)}.", caveat, residuals])
-    brief = f"{tracker}: depths are right with {most}{short(consistent)}."
+    text = joined([f"{tracker}: the sigma for depths is {most}{format_estimate(consistent)}.", caveat, residuals])
+    brief = f"{tracker}: the sigma for depths is {most}{short(consistent)}."
     return Part(text, [consistent, residual, factor], brief)
 
 
@@ -250,7 +259,7 @@ def _caveat(sigma_px: float | None, tables: RunTables, tracker: str) -> str:
     opening = _UNTRUSTED if verdict.verdict is Trust.not_trusted else _UNKNOWN
     if share is None or share >= 1.0:
         return opening
-    return f"{opening} The tracker alone may have {px(sigma_px * sqrt(1.0 - share))}."
+    return f"{opening} The noise of the tracker alone may be as small as {px(sigma_px * sqrt(1.0 - share))}."
 
 
 def _most(caveat: str) -> str:
@@ -264,18 +273,15 @@ _UNTRUSTED, _UNKNOWN = "The truth is not trusted.", "Whether the truth can be tr
 def _certainty(factor: Estimate) -> str:
     """How uncertain depths are beside what an estimator claims that is tuned to its residuals."""
     text = format_as(factor, lambda value: "unknown" if value is None else ratio(value), unit=f"{SPACE}times")
-    if factor.above(1 / _ALIKE) and factor.below(_ALIKE):
-        return f"Tuned to it, depths are as certain as claimed: the uncertainty is {text} the claimed one"
-    if factor.above(1.0) or (factor.low is None and (factor.value or 0.0) > 1.0):
-        return f"Tuned to it, depths are {text} less certain than claimed"
-    return f"Tuned to it, the uncertainty of depths is {text} the claimed one"
+    alike = ", which counts as equal" if factor.above(1 / _ALIKE) and factor.below(_ALIKE) else ""
+    return f"With the residual core as sigma, depths are {text} as uncertain as claimed{alike}"
 
 
 def _without_depth(quantities: Quantities, tracker: str, conditions: ReportedConditions) -> Part:
     residual = quantities["residual_core"]
     why = "true positions are fitted to the tracks" if conditions.fitted else "few windows show the depth of a point"
     text = (
-        f"{tracker}: the residual core is {format_estimate(residual)}. Whether this makes depths as certain as claimed "
+        f"{tracker}: the residual core is {format_estimate(residual)}. Whether it makes depths as certain as claimed "
         f"is unknown, because {why}."
     )
     brief = f"The residual core in windows of tracks is {short(residual)}; how certain depths are is unknown."
@@ -294,8 +300,13 @@ def windows_of_advice(data: RunData) -> str:
     return _windows_of_all([*rows.values()] for rows in advice if rows)
 
 
+def has_gates(data: RunData) -> bool:
+    """Whether a track gate is among what is to be set."""
+    return any("track_gate" in advised(data, tracker) for tracker in data.trackers)
+
+
 def sigma_sentence(data: RunData, tracker: str) -> str:
-    """What to set in the estimator of the experiment, and what its innovations look like. Empty where it is unknown.
+    """What to set in the estimator of the experiment, and what its innovations suggest. Empty where it is unknown.
 
     Where the truth is not trusted, what to set is an upper bound, and further sentences say so.
     """
@@ -312,8 +323,8 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     return joined(
         [
             f"Set {most}{pixels(sigma['value'])} px{more} in {estimator(sigma['estimator']).title}{both}; "
-            f"innovations look like {pixels(innovations['value'])} px.",
-            f"This is for {_windows([*advice.values()])}.",
+            f"innovations suggest {pixels(innovations['value'])} px.",
+            f"These settings are for {_windows([*advice.values()])}.",
             short_tracks(lifetime, sigma["window"]),
             caveat,
         ]
@@ -321,17 +332,17 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
 
 
 def depth_noise_sentence(data: RunData, tracker: str) -> str:
-    """With which sigma depths are right; empty where this is not known."""
+    """The sigma for depths; empty where it is not known."""
     sigma = _at_window(data, tracker).get("consistent_sigma")
     if sigma is None:
         return ""
     most = _most(_caveat(sigma["value"], data.tables, tracker))
     window = f"in windows of {sigma['window']} frames"
-    return f"{tracker}: depths are right with {most}{pixels(sigma['value'])} px {window}."
+    return f"{tracker}: the sigma for depths is {most}{pixels(sigma['value'])} px {window}."
 
 
 def estimator_sentence(data: RunData, tracker: str) -> str:
-    """With which sigma depths are right, and what follows for an estimator. Empty where windows were not measured."""
+    """The sigma for depths, and what follows for an estimator. Empty where windows were not measured."""
     quantities = _at_window(data, tracker)
     if "consistent_sigma" not in quantities:
         return ""
@@ -339,7 +350,7 @@ def estimator_sentence(data: RunData, tracker: str) -> str:
     bounds = "" if sigma["low"] is None else f" ({pixels(sigma['low'])} to {pixels(sigma['high'])})"
     caveat = _caveat(sigma["value"], data.tables, tracker)
     most = _most(caveat)
-    opening = f"For {tracker}, depths are right with {most}{pixels(sigma['value'])} px{bounds}."
+    opening = f"The sigma for depths of {tracker} is {most}{pixels(sigma['value'])} px{bounds}."
     return joined([opening, f"Windows have {sigma['window']} frames.", caveat, _certain(quantities)])
 
 
@@ -359,12 +370,10 @@ def _certain(quantities: dict[str, dict[str, Any]]) -> str:
     row = quantities.get("core_overconfidence")
     if row is None or row["low"] is None or row["high"] is None:
         return ""
-    size = f"{number(row['value'])} times ({number(row['low'])} to {number(row['high'])})"
-    if row["low"] > 1.0:
-        return f"Tuned to the residual core, an estimator claims too certain depths, by {size}."
-    if row["high"] < 1.0:
-        return f"Tuned to the residual core, an estimator claims too uncertain depths, by {size}."
-    return f"Tuning to the residual core is not shown to be wrong: the uncertainty of depths is {size} the claimed one."
+    size = f"{number(row['value'])} times ({number(row['low'])} to {number(row['high'])}) as uncertain as claimed"
+    if row["low"] <= 1.0 <= row["high"]:
+        return f"The residual core as sigma is not shown to be wrong: depths are {size}."
+    return f"With the residual core as sigma, depths are {size}."
 
 
 def _at_window(data: RunData, tracker: str) -> dict[str, dict[str, Any]]:

@@ -106,7 +106,7 @@ def audited_rise(
 
 def _left(where: str, what: str, cover: AuditCover) -> str:
     """How much the correction of faults leaves."""
-    return f"{where}, {what} is {px(cover.error_px)}, and {px(cover.left_px)} once these faults are corrected."
+    return f"{where}, {what} is {px(cover.error_px)}, and {px(cover.left_px)} after these faults are corrected."
 
 
 def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
@@ -114,7 +114,7 @@ def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
     covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
     if not covered:
         return ""
-    return joined([f"Errors of the truth can cause the mean in {listing(covered)}.", *_sizes("It is", covered)])
+    return joined([f"Errors of the truth can cause the mean in {listing(covered)}.", *_sizes("The mean is", covered)])
 
 
 def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
@@ -126,8 +126,10 @@ def excessive_floor(summary: Mapping[str, Any], trimming: str) -> str:
     larger = {axis: pair for axis, pair in pairs.items() if _largest_floor(summary, axis, trimming) < 1.0}
     if not larger:
         return ""
-    claim = f"Errors of the truth are smaller than stated: the floor is above the whole error of {summary['tracker']}."
-    sizes = (f"In {axis} the floor is {px(floor)}, the error {px(error)}." for axis, (floor, error) in larger.items())
+    claim = f"Errors of the truth are smaller than stated: the truth floor is above the error of {summary['tracker']}."
+    sizes = (
+        f"In {axis} the floor is {px(floor)}, and the error is {px(error)}." for axis, (floor, error) in larger.items()
+    )
     return joined([claim, *sizes])
 
 
@@ -185,6 +187,6 @@ def _sizes(opening: str, covers: Mapping[str, FloorCover | None]) -> list[str]:
     """A sentence for each coordinate: the size, and what errors of the truth can cause."""
     known_covers = {axis: cover for axis, cover in covers.items() if cover is not None}
     return [
-        f"{opening} {px(cover.error_px)} in {axis}; these errors can cause {px(cover.limit_px)}."
+        f"{opening} {px(cover.error_px)} in {axis}; errors of the truth can cause {px(cover.limit_px)}."
         for axis, cover in known_covers.items()
     ]

@@ -37,7 +37,7 @@ _UNITS = {
     "depth_per_m": "{} Z^2 per m",
     "clock_ms": "{} ms",
     "readout_ms": "{} ms",
-    "focal_relative": "{} of it",
+    "focal_relative": "{} of the focal length",
 }
 
 

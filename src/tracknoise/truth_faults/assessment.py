@@ -318,20 +318,28 @@ class _FittedPoses:
             return
         where = "" if self.count == self.n_sequences else f" in {self.count} of {self.n_sequences} sequences"
         left, stated = (f"{pixels(value)}{SPACE}px" for value in (fit.left_px, fit.stated_px))
-        by = f"Poses were refined by {fit.references:.0f} independent tracks a frame{where}"
-        refined = f"{by}; what is left of their errors is {left} at age {fit.age}."
+        refined = f"Poses were refined with {fit.references:.0f} independent tracks per frame{where}."
+        remaining = f"Their remaining errors are {left} at age {fit.age}."
         added = f"The stated poses would add {stated}."
-        text = " ".join(filter(None, [refined, fit.of_depths, added]))
+        text = " ".join(filter(None, [refined, remaining, fit.of_depths, added]))
         yield {"cause": TruthCause.refined_poses, "bound_px": fit.left_px, "age": fit.age, "text": text}
         sizes = {"bound_px": fit.stated_px, "age": fit.age, "verdict": self.verdict, "text": self._of_stated(fit)}
         yield {"cause": TruthCause.stated_poses, **sizes}
 
     def _of_stated(self, fit: PoseFit) -> str:
         """The verdict on the stated poses, and how their errors grow."""
-        law = sizes_of(fit.stated_errors or {}, digits=2)
-        next_px = "" if fit.next_px is None else f" At age 1 they would add {pixels(fit.next_px)}{SPACE}px."
-        errors = f" Their errors: {listing(law)}." if law else ""
+        laws = {noun: _law(fit.stated_errors or {}, topic) for topic, noun in _POSE_PARTS.items()}
+        errors = "".join(f" Errors of their {noun}: {law}." for noun, law in laws.items() if law)
+        next_px = "" if fit.next_px is None else f" At age 1 the stated poses would add {pixels(fit.next_px)}{SPACE}px."
         return f"Stated poses: {self.verdict or Trust.unknown}.{errors}{next_px}"
+
+
+_POSE_PARTS = {"rotation": "rotations", "translation": "positions"}
+
+
+def _law(figures: Mapping[str, float], topic: str) -> str:
+    """How errors of rotations or of positions grow; empty where this is unknown."""
+    return listing(sizes_of({name: value for name, value in figures.items() if name.startswith(topic)}, digits=2))
 
 
 def assess(evidence: TruthEvidence, dataset: str) -> pl.DataFrame:
@@ -484,7 +492,9 @@ def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
 def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequence[_Bounds], faults: _Named) -> _Found:
     if evidence.mistakes:
         more = len(evidence.mistakes) - 1
-        further = f" There {'is' if more == 1 else 'are'} {more} more such." if more else ""
+        further = (
+            f" There {'is' if more == 1 else 'are'} {more} more such mistake{'' if more == 1 else 's'}." if more else ""
+        )
         return _Found(Trust.not_trusted, f"{evidence.mistakes[0]}{further}", _correct_data(evidence))
     if evidence.is_fitted:
         if evidence.is_check and evidence.measures_depths:
@@ -498,7 +508,7 @@ def _verdict(evidence: TruthEvidence, sizes: Mapping[str, _Size], bounds: Sequen
         return _refuted(evidence)
     if faults.share.value > SMALL:
         high = 0.0 if worst is None else worst.high
-        rest = f" In all, up to {percent(high)} can be due to the truth." if high > faults.share.value else ""
+        rest = f" In total, the truth can cause up to {percent(high)}." if high > faults.share.value else ""
         text = f"{_faults_text(faults)} {_explains(faults)}.{rest}"
         return _Found(Trust.not_trusted, text, _corrected(evidence, faults))
     return _unmeasured(evidence, sizes) if worst is None else _measured(evidence, worst, faults)
@@ -530,11 +540,11 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
         text = f"{sentence_case(worst.established_text)} {share}.{noise}"
         return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    of_faults = f" {_faults_text(faults)} But that explains little." if faults.rows else _like_bias(evidence.audit)
+    of_faults = f" {_faults_text(faults)} But {_this(faults)} little." if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
     step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
-        nothing = "" if faults.rows else ", and nothing is established"
+        nothing = "" if faults.rows else ", but no cause is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{of_faults}{noise}"
         return _Found(Trust.unknown, text, step)
     if worst.high > SMALL or faults.rows or evidence.cautions or noise:
@@ -554,10 +564,11 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     noise, caution = _noise_text(evidence), _caution(evidence)
     step = _SMOOTH if noise else _correct_data(evidence) if evidence.cautions else _MORE_DATA
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
-        return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot tell whether it is.")
+        return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot show whether it is.")
     parts = [share for share in stated if share is not None]
     if parts and len(parts) == len(stated) and max(parts) <= MOST:
-        text = f"Its stated errors can explain up to {percent(max(parts))} of the squared errors. {why}{noise}{caution}"
+        stated_part = f"Stated errors of the truth can explain up to {percent(max(parts))} of the squared errors."
+        text = f"{stated_part} {why}{noise}{caution}"
         return _Found(Trust.limited, text, step)
     return _Found(Trust.unknown, f"{why}{noise}{caution}", step)
 
@@ -572,7 +583,8 @@ def _noise_text(evidence: TruthEvidence) -> str:
     if evidence.depth_edges <= MOST_EDGES:
         return ""
     share, spread = (percent(value) for value in (evidence.depth_edges, EDGE_RELATIVE_SPREAD))
-    return f" At {share} of the pixels depths of neighbours differ by more than {spread}: features there have no truth."
+    differing = f"At {share} of the pixels, depths of neighbours differ by more than {spread}"
+    return f" {differing}: features there have no true position."
 
 
 def _of_causes(bounds: _Bounds) -> str:
@@ -589,7 +601,7 @@ def _of_causes(bounds: _Bounds) -> str:
     if not causes and bounds.high < _bound(bounds.causes):
         return ""
     if not causes:
-        return f" {sentence_case(_NAMES[bounds.largest])} have the largest part in this bound."
+        return f" {sentence_case(_NAMES[bounds.largest])} contribute most to this bound."
     return "".join(f" {sentence_case(texts[cause])} {percent(shares[cause])}." for cause in causes)
 
 
@@ -600,17 +612,17 @@ def _like_bias(audit: pl.DataFrame) -> str:
     if not names:
         return ""
     first, *other_names = names
-    rest = [f" So does one of {name}." for name in other_names[:_MOST_OTHERS]]
-    more = " Others do too." if len(other_names) > len(rest) else ""
-    opening = f" An error of {first} fits, but cannot be distinguished from a bias of the trackers."
+    rest = [f" The same holds for {name}." for name in other_names[:_MOST_OTHERS]]
+    more = " The same holds for other parameters." if len(other_names) > len(rest) else ""
+    opening = f" An error of {first} fits the tracks, but cannot be distinguished from a bias of the trackers."
     return "".join([opening, *rest, more])
 
 
 def _in_px(bounds: _Bounds) -> str:
     """The same in px, as a sentence after a space; empty where the size is unknown."""
     size = bounds.size
-    size_text = f"{pixels(size.px)} px {'core' if size.is_core else 'RMS'} at age {size.age}"
-    return f" That is {pixels(sqrt(bounds.high) * size.px)} of {size_text}." if size.px > 0.0 else ""
+    size_text = f"the {'core' if size.is_core else 'RMS'} of {pixels(size.px)} px at age {size.age}"
+    return f" This part is up to {pixels(sqrt(bounds.high) * size.px)} px of {size_text}." if size.px > 0.0 else ""
 
 
 def _faults_text(faults: _Named) -> str:
@@ -622,8 +634,12 @@ def _faults_text(faults: _Named) -> str:
 
 
 def _explains(faults: _Named) -> str:
-    verb = "This explains" if len(faults.rows) == 1 else "Together they explain"
-    return f"{verb} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
+    return f"{sentence_case(_this(faults))} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
+
+
+def _this(faults: _Named) -> str:
+    """The faults as a subject, with the verb."""
+    return "this fault explains" if len(faults.rows) == 1 else "together, these faults explain"
 
 
 def _correct_data(evidence: TruthEvidence) -> str:
@@ -634,12 +650,12 @@ def _corrected(evidence: TruthEvidence, faults: _Named) -> str:
     """What to do about established faults; what a correction does was tried on data that took no part in its fit."""
     undone = [bool(FAULTS[Parameter(row["parameter"])].key) for row in faults.rows]
     if evidence.is_check:
-        return f"{_CONFIRM}{', and what corrects it' if any(undone) else '; no setting undoes this'}."
+        return f"{_CONFIRM}{', and prints the correction' if any(undone) else '. No setting corrects this fault'}."
     if not any(undone):
-        return "No setting undoes this: use other poses, and measure again."
+        return "No setting corrects this: use other poses, and measure again."
     block = "Apply the corrections that `tracknoise check RUN` prints, and measure again"
     if not all(undone):
-        return f"{block}. No setting undoes the rest: use other poses for it."
+        return f"{block}. No setting corrects the other faults: use other poses."
     return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
 
 
@@ -649,7 +665,9 @@ def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> st
         clearer = min(evidence.scene_shares, key=evidence.scene_shares.__getitem__, default=None)
         shares = sorted(evidence.scene_shares.values())
         if clearer is not None and len(shares) > 1 and shares[0] <= _CLEARER * shares[len(shares) // 2]:
-            return f"Measure {clearer} alone: poses explain {percent(max(shares[0], 0.0))} there. {_POSES}"
+            return (
+                f"Measure {clearer} alone: errors of the poses explain {percent(max(shares[0], 0.0))} there. {_POSES}"
+            )
         return _POSES
     if cause is TruthCause.depths and _noise_text(evidence):
         return _SMOOTH
@@ -659,15 +677,17 @@ def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> st
 
 _MOST_OTHERS = 2
 """Of more parameters than this beside the first, only these are named."""
-_TOO_FEW = "Too few tracks have a true position to tell."
+_TOO_FEW = "Too few tracks have a true position for a verdict."
 _CORRECT_DATA = "Correct the data, and measure again."
 _CONFIRM = (
-    "Measure it with several trackers (`tracknoise run`): errors of the one of a check can look like this. "
-    "`tracknoise check RUN` says whether they agree"
+    "Measure the recording with several trackers (`tracknoise run`): a check has one, whose errors can look like this. "
+    "`tracknoise check RUN` then says whether the trackers agree"
 )
-_FITTED = "True positions are fitted to the tracks, so that errors of the poses cannot be separated from theirs."
-_WITHOUT_DEPTHS = "A check has no depths where there are no maps."
-_MEASURED_STEP = "Measure it: `tracknoise run` computes depths from the images, and says how far they can be trusted."
+_FITTED = (
+    "True positions are fitted to the tracks, so that errors of the poses cannot be separated from those of tracks."
+)
+_WITHOUT_DEPTHS = "The recording has no depth maps, and a check computes no depths."
+_MEASURED_STEP = "Use `tracknoise run`: it computes depths from the images, and says how far they can be trusted."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
@@ -675,14 +695,14 @@ _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, a
 _BETTER_DEPTHS = "Use more accurate depths, or a recording with less parallax."
 _POSES = "Use globally bundle-adjusted poses, or compare trackers at the same corners."
 _NAMES: Mapping[TruthCause, str] = {
-    TruthCause.poses: "camera motions that the poses lack",
-    TruthCause.any_fault: "constant faults, as of the calibration or the clock,",
+    TruthCause.poses: "camera motions missing in the poses",
+    TruthCause.any_fault: "constant faults, such as of the calibration or the clock,",
     TruthCause.depths: "random errors of depths",
 }
 _CAUSES = {cause: f"{name} could explain" for cause, name in _NAMES.items()}
 _ESTABLISHED: Mapping[TruthCause, str] = {
     TruthCause.poses: f"{_NAMES[TruthCause.poses]} explain",
-    TruthCause.depths: "random errors of depths, by which depth maps disagree, explain",
+    TruthCause.depths: "random errors of depths, shown by differences of depth maps, explain",
 }
 _EITHER = f"{_NAMES[TruthCause.poses]}, or constant faults that look like them, explain"
 _STEPS: Mapping[TruthCause, str] = {

@@ -106,7 +106,7 @@ class Estimate:
 
 
 def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mapping[Parameter, float]) -> str:
-    """``The focal length is 12 % too long (523 ± 8 px instead of 585): corrected, ...``."""
+    """``The focal length is 12 % too long (523 ± 8 px instead of 585): after its correction, ...``."""
     return f"{_claim(parameter, found)}: {effect}.{_advice(parameter, found)}{_rivals_text(rivals)}"
 
 
@@ -114,12 +114,14 @@ def _advice(parameter: Parameter, fitted: Estimate) -> str:
     """What a reader who corrects the fault has to know; empty where its name says it."""
     if parameter is Parameter.depth_scale:
         length = "short" if float(fitted.values[0]) < 1.0 else "long"
-        return f" A path that is too {length} by the same factor is the same fault."
+        return f" A camera path that is too {length} by the same factor looks the same."
     if parameter is Parameter.smoothing:
-        use = "the poses as they were before the filter"
-        return f" No setting undoes this: use {use if float(fitted.values[0]) > 0.0 else f'smoother poses, or {use}'}."
+        use = "the poses from before the filter"
+        return (
+            f" No setting corrects this: use {use if float(fitted.values[0]) > 0.0 else f'smoother poses, or {use}'}."
+        )
     if parameter is Parameter.rotation_delay:
-        return " No setting undoes this: make poses whose rotations and positions have one clock."
+        return " No setting corrects this: make poses whose rotations and positions have one clock."
     return ""
 
 
@@ -153,7 +155,7 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
 
 
 _INVERSE_DEPTHS = "The inverse depths are off by a constant, as those of stereo with a wrong disparity"
-_ROTATIONS = "The rotations of the poses are not of the times of their positions"
+_ROTATIONS = "Rotations and positions of the poses are of different times"
 _OPENINGS: Mapping[Parameter, tuple[str, str]] = MappingProxyType(
     {
         Parameter.inverse_depth_offset: (_INVERSE_DEPTHS, _INVERSE_DEPTHS),
@@ -199,10 +201,10 @@ def effect_text(curves: pl.DataFrame, before: str, correction: str) -> str:
     earlier = curves.filter(pl.col("n") >= _LEAST_AT_AGE, correction=before)
     compared = earlier.join(curves.filter(correction=correction), on=["tracker", "age"], suffix="_after")
     if compared.is_empty():
-        return "corrected, the errors become smaller"
+        return "its correction makes errors smaller"
     oldest = compared.filter(pl.col("age") == pl.col("age").max())
     mean, second = _mean_text(oldest), _second_text(oldest)
-    return f"corrected{'' if before == MEASURED else ' as well'}, {mean or second}"
+    return f"after its correction{'' if before == MEASURED else ', too'}, {mean or second}"
 
 
 def _mean_text(rows: pl.DataFrame) -> str | None:
@@ -243,16 +245,16 @@ def other_text(
     name = FAULTS[parameter].name
     if verdict == AuditVerdict.like_bias:
         how = f"condition number {number(condition, digits=2)}"
-        return f"What an error of the {name} would explain cannot be distinguished from a bias of the trackers ({how})."
+        return f"An error of the {name} cannot be distinguished from a bias of the trackers ({how})."
     if verdict == AuditVerdict.disagreement:
-        return f"The trackers contradict each other on the {name}: that the truth is wrong in it is not established."
+        return f"The trackers contradict each other on the {name}: no error of the truth is established in it."
     if verdict == AuditVerdict.explained:
         return _explained_text([parameter], named)
     if verdict == AuditVerdict.small:
         estimate_text = f"{found.text} instead of {found.stated}"
-        return f"The {name} fits a little better as {estimate_text}, but this explains too little to matter."
+        return f"The {name} fits a little better as {estimate_text}, but this difference explains too little to matter."
     if verdict == AuditVerdict.undetermined and found.excludes_stated:
-        return f"The {name} looks wrong ({found.text} instead of {found.stated}), but that is not established."
+        return f"The {name} looks wrong ({found.text} instead of {found.stated}), but no error is established."
     if verdict == AuditVerdict.undetermined:
         return f"The {name} cannot be determined here (± {found.half_text}){_why(parameter, samples)}."
     if verdict == AuditVerdict.fault:
@@ -260,14 +262,15 @@ def other_text(
     if parameter is Parameter.ray_depth:
         return "Depth is not the distance along the ray."
     if samples.refined:
-        return f"No error of the {name} was found beside refined poses, which may absorb one."
-    return f"No error of the {name} was found; {100.0 * POWER:g}{SPACE}% of those above {visible} would be seen."
+        return f"No error of the {name} was found with refined poses, which may absorb such an error."
+    chance = f"{100.0 * POWER:g}{SPACE}%"
+    return f"No error of the {name} was found; one above {visible} would be found with a probability of {chance}."
 
 
 def _explained_text(parameters: Sequence[Parameter], named: Sequence[Parameter]) -> str:
     about, faults = (listing([f"the {FAULTS[parameter].name}" for parameter in group]) for group in (parameters, named))
     verb = "is" if len(named) == 1 else "are"
-    return f"T{about[1:]} looked wrong, but this is no longer established once {faults} {verb} corrected."
+    return f"T{about[1:]} looked wrong, but no such error is established once {faults} {verb} corrected."
 
 
 def kind_not_tried(z_depth_from: str) -> str:
@@ -281,11 +284,11 @@ def _why(parameter: Parameter, samples: AuditSamples) -> str:
     low, middle, high = np.quantile(samples.depth, (0.1, 0.5, 0.9))
     spread = float((high - low) / middle)
     if FAULTS[parameter].by_depth and spread < _SHALLOW:
-        return f": depth varies by {percent(spread)} only"
+        return f": depth varies only by {percent(spread)}"
     steps = np.hypot(*(samples.stated - samples.uv_at_birth).T) / samples.age
     pace = float(np.median(steps))
     if parameter in TIMED and pace < _SLOW_PX:
-        return f": the image moves by {px(pace)} per frame only"
+        return f": the image moves only by {px(pace)} per frame"
     return ": the motion of the camera does not distinguish it from biases of the trackers"
 
 

@@ -107,7 +107,7 @@ def read_samples(
     used = [audited for audited in tables if audited.has_known_lens and not audited.samples.is_empty()]
     if not used:
         unknown = any(not audited.has_known_lens for audited in tables)
-        return "the camera model is not known" if unknown else "it is fitted to the tracks, or none was followed"
+        return "the camera model is not known" if unknown else "it is fitted to the tracks, or no track was followed"
     if len({audited.has_times for audited in used}) == 2 and any(audited.has_readout for audited in used):
         return "a readout in seconds is stated, and some recordings have timestamps while others have none"
     names = sorted(set().union(*(audited.samples["tracker"].unique() for audited in used)))
@@ -122,7 +122,7 @@ def enough(samples: AuditSamples, *, unlike: int = 0) -> AuditSamples | str:
     if len(samples.age) < LEAST_SAMPLES or samples.n_clusters < LEAST_CLUSTERS:
         return _too_few(samples, unlike=unlike)
     if np.abs(samples.stated - samples.uv_at_birth).max() < _STILL_PX:
-        return "no true position moves in the images, so that nothing shows whether poses, depths and cameras are right"
+        return "no true position moves in the images, so that errors of poses, depths and cameras cannot be seen"
     return samples
 
 

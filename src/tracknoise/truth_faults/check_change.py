@@ -26,7 +26,7 @@ _CHANGED = 0.05
 _CAUSES: Mapping[str, str] = {
     TruthCause.every: "all causes together",
     TruthCause.faults: "established faults",
-    TruthCause.poses: "motions that the poses lack",
+    TruthCause.poses: "camera motions missing in the poses",
     TruthCause.any_fault: "constant faults, established or not",
     TruthCause.depths: "random errors of depths",
 }
@@ -115,7 +115,7 @@ def _checked(document: Mapping[str, Any]) -> list[Checked]:
 def _sentence(before: Checked, verdict: Trust, now: Mapping[str, Range]) -> str:
     said = f"`tracknoise check` said {before.verdict}{' too' if before.verdict == verdict else ''}."
     if not before.ranges:
-        return f"{said} It could not measure what the truth explains." if now else said
+        return f"{said} The check could not measure what the truth explains." if now else said
     if not now:
         return f"{said} The run could not measure what the truth explains."
     parts = [
@@ -125,8 +125,12 @@ def _sentence(before: Checked, verdict: Trust, now: Mapping[str, Range]) -> str:
         if max(abs(new[0] - old[0]), abs(new[1] - old[1])) >= _CHANGED
     ]
     if parts:
-        return f"{said} Shares of the squared errors that changed with the tracks of the run: {'; '.join(parts)}."
-    return said if before.verdict == verdict else f"{said} Shares changed by less than {percent(_CHANGED)}, at a limit."
+        return f"{said} With the tracks of the run, shares of the squared errors changed: {'; '.join(parts)}."
+    return (
+        said
+        if before.verdict == verdict
+        else f"{said} Shares changed by less than {percent(_CHANGED)}, but one crossed a limit."
+    )
 
 
 def _text(interval: Range) -> str:

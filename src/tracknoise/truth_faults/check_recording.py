@@ -202,7 +202,7 @@ def _of_leading(stated: list[Item], leading: list[Item]) -> list[Item]:
     ]
 
 
-_STATED_ALONE = "This is so with the stated poses, and not with the refined ones."
+_STATED_ALONE = "This holds for the stated poses, and not for the refined ones."
 
 
 def _unreadable(error: DataError) -> Item:

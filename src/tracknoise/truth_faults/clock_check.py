@@ -324,7 +324,7 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
     """
     offset = measured_offset(evidence)
     if offset is None or offset.sd_frames > MOST_SD_FRAMES or not offset.unexplained <= _MOST_UNEXPLAINED:
-        text = "The rotation rate does not change enough to show an offset between the clocks of images and poses."
+        text = "The rotation rate changes too little to show an offset between the clocks of images and poses."
         return Item("clock", Severity.unknown, text)
     step = None if timestamps_s is None or len(timestamps_s) < 2 else float(np.median(np.diff(timestamps_s)))
     values: Values = {
@@ -337,8 +337,9 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
     effect_px = abs(offset.frames) * offset.rate_change * focal_px(evidence.camera)
     if abs(offset.frames) < max(LEAST_FRAMES, SURE_SD * offset.sd_frames) or effect_px < LEAST_EFFECT_PX:
         return Item("clock", Severity.ok, f"Clocks of images and poses agree: the offset is {size}.", values)
-    text = f"Poses and images differ in time: the pose that fits an image is the one of {size} later."
-    return Item("clock", Severity.caveat, text.replace("later", "later" if offset.frames > 0 else "earlier"), values)
+    when = "later" if offset.frames > 0 else "earlier"
+    text = f"Poses and images differ in time: the pose that fits an image is {size} {when} than the image."
+    return Item("clock", Severity.caveat, text, values)
 
 
 def measured_offset(evidence: Evidence) -> ClockOffset | None:
@@ -387,5 +388,5 @@ def _pose_rotation(relative: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _size(offset: ClockOffset, step_s: float | None) -> str:
     """The offset without its sign, with its standard deviation."""
-    frames = f"{abs(offset.frames):.2f} +- {max(offset.sd_frames, 0.01):.2f} frames"
+    frames = f"{abs(offset.frames):.2f} ± {max(offset.sd_frames, 0.01):.2f} frames"
     return frames if step_s is None else f"{frames} ({1000 * abs(offset.frames) * step_s:.1f} ms)"

@@ -33,8 +33,8 @@ def depths(sequence: Sequence) -> Item:
     maps = sampled_depths(sequence)
     if not maps:
         if sequence.truths:
-            return Item("depth", Severity.ok, f"There are no depth maps; truth is possible by {sequence.truths[0]}.")
-        return Item("depth", Severity.caveat, "There is no depth: truth by depth is not possible.")
+            return Item("depth", Severity.ok, f"There are no depth maps; the truth `{sequence.truths[0]}` is possible.")
+        return Item("depth", Severity.caveat, "There is no depth: a truth from depth is not possible.")
     share = depth_share(maps)
     values = np.concatenate([depth.depth_m[depth.valid] for depth in maps.values()])
     if not len(values):
@@ -50,12 +50,13 @@ def depths(sequence: Sequence) -> Item:
         return Item("depth", Severity.fatal, f"{text} The unit is probably not metres.", numbers)
     is_dense = next(iter(maps.values())).radius_px is None
     if is_dense and share < _DEPTH_UNIT_LEAST_SHARE:
-        return Item("depth", Severity.caveat, f"{text} Few features will have a truth.", numbers)
+        return Item("depth", Severity.caveat, f"{text} Few features will have a true position.", numbers)
     edges = edge_share(sequence, maps)
     if edges > MOST_EDGES:
         text = (
-            f"{text} At {edges:.0%} of them depths of neighbours differ by more than {EDGE_RELATIVE_SPREAD:.0%}: "
-            "features there count as beside an edge, and have no truth. Smooth the depths if it is their noise."
+            f"{text} At {edges:.0%} of these pixels, depths of neighbours differ by more than "
+            f"{EDGE_RELATIVE_SPREAD:.0%}: features there count as beside a depth edge, and have no true position. If "
+            "noise is the cause, smooth the depths."
         )
         return Item("depth", Severity.caveat, text, {**numbers, "edges": edges})
     return Item("depth", Severity.ok, text, numbers)
@@ -110,9 +111,9 @@ def clipped_depth(evidence: Evidence) -> Item | None:
     before, after = (significant(float(np.median(residuals)), 2) for residuals in (as_given, farther))
     moved = significant(float(np.median(motion)), 3)
     text = (
-        f"{share:.0%} of the points have the largest depth, {significant(largest_m, 4)} m, to the digit. The residual "
-        f"of these points falls from {before} to {after} px if they are farther away (image motion {moved} px). "
-        "Their depths were probably clipped. Give such pixels no depth."
+        f"{share:.0%} of the points have exactly the largest depth, {significant(largest_m, 4)} m. The residual of "
+        f"these points falls from {before} to {after} px if they are farther away (image motion {moved} px). "
+        "Their depths were probably clipped. Remove the depth of such pixels."
     )
     return Item("clipped depth", Severity.caveat, text, {"share": share, "largest_m": largest_m})
 

@@ -105,7 +105,7 @@ def repeatability(evidence: Evidence) -> Item | None:
     texts = [f"{significant(100.0 * near, 2)}{SPACE}% at {significant(near_m, 2)} m"]
     if len(repeats.depth_m) > 1:
         texts.append(f"{significant(100.0 * far, 2)}{SPACE}% at {significant(far_m, 2)} m")
-    text = f"By maps of two frames, single depths have a standard deviation of {' and '.join(texts)}."
+    text = f"Differences of depth maps show a standard deviation of single depths of {' and '.join(texts)}."
     values: Values = {"near_m": near_m, "near_relative": near, "far_m": far_m, "far_relative": far}
     return Item("depth repeatability", Severity.ok, text, values)
 

@@ -63,8 +63,8 @@ def _item(given_px: float, best: float, sd: float, *, gain: float) -> Item:
         return Item("focal length", Severity.unknown, _UNKNOWN, values)
     if abs(best) > max(_LEAST_RELATIVE, _SURE_SD * sd) and gain < _MOST_GAIN:
         text = (
-            f"A focal length of {fitted_px:.0f} +- {max(fitted_px * sd, 1.0):.0f} px fits the image motion better than "
-            f"the given {given_px:.0f} px. Residuals fall to {gain:.0%}."
+            f"A focal length of {fitted_px:.0f} ± {max(fitted_px * sd, 1.0):.0f} px fits the image motion better than "
+            f"the stated {given_px:.0f} px. Residuals fall to {gain:.0%}."
         )
         return Item("focal length", Severity.caveat, text, values)
     text = f"The focal length of {given_px:.4g} px agrees with the image motion."
@@ -120,7 +120,7 @@ def mistakes(evidence: Evidence) -> Item:
         return _without_motion(evidence)
     if len(evidence.pairs) < _MISTAKE_FEWEST_PAIRS:
         few = f"only {counted(len(evidence.pairs), 'pair')}" if evidence.pairs else "no pair"
-        text = f"Mistakes in poses cannot be looked for: {few} of images with motion."
+        text = f"Usual mistakes in poses cannot be checked: {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
     is_z = evidence.z_depth_from is not None
     candidates = hypotheses(
@@ -155,7 +155,7 @@ def mistakes(evidence: Evidence) -> Item:
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:
         return ray
-    text = f"None of {n_usual} usual mistakes explains the image motion clearly better than what is given."
+    text = f"None of {n_usual} usual mistakes explains the image motion clearly better than the data as stated."
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
 
 
@@ -188,9 +188,9 @@ def _without_motion(evidence: Evidence) -> Item:
     """Poses that are all the same are those of a tripod where the images stand still too, and wrong where they move."""
     motions = [pair.motion_px for pair in (*evidence.flow.steps, *evidence.flow.wide)]
     if motions and (moved := float(np.median(motions))) >= LEAST_MOTION_PX:
-        text = f"All poses are the same, but the images move: by {significant(moved, 2)} px in the median pair."
+        text = f"All poses are the same, but the images move by {significant(moved, 2)} px (median over pairs)."
         return Item("usual mistakes", Severity.fatal, text, {"motion_px": moved})
-    text = "All poses are the same, and the images do not move: mistakes in poses cannot be looked for."
+    text = "All poses are the same, and the images do not move: mistakes in poses cannot be checked."
     return Item("usual mistakes", Severity.unknown, text)
 
 
@@ -221,7 +221,7 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     is_seen = best.hypothesis is AS_TURNING and best.residual_px > _NOISE_PX  # a parallax that no factor explains
     rivals = [fit.hypothesis for fit in fits[1:] if not (is_seen and fit.hypothesis.kind == "scale")]
     other_names = list(dict.fromkeys(rival.name for rival in rivals if rival.name != best.hypothesis.name))
-    undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if this is undone"
+    undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if that is corrected"
     text = (
         f"It looks as if {name}. The median residual falls from {significant(given_px, 3)} to "
         f"{significant(best.residual_px, 2)} px {undone}; "
@@ -243,7 +243,7 @@ def _not_tried(evidence: Evidence) -> str:
     """A further sentence where the kind of depth is known; otherwise empty."""
     if evidence.z_depth_from is None:
         return ""
-    return f" Not tried: that {AS_RAY_DEPTH.name}; depths are z by construction (from {evidence.z_depth_from})."
+    return f" Depth along the ray was not tried: depths are z by construction (from {evidence.z_depth_from})."
 
 
 def _with_unit(evidence: Evidence, mistake: Hypothesis) -> str:
@@ -268,7 +268,7 @@ def _ray_depth(evidence: Evidence) -> Item | None:
         return None
     text = (
         f"It looks as if {AS_RAY_DEPTH.name}. Depths of the same point in two images differ by "
-        f"{kind.slope:.2f} +- {kind.sd:.2f} times what such distances would (0 is expected of depths)."
+        f"{kind.slope:.2f} ± {kind.sd:.2f} times what such distances would (depths along the axis: 0)."
     )
     values: Values = {"mistake": AS_RAY_DEPTH.kind, "slope": kind.slope, "slope_sd": kind.sd}
     return Item("usual mistakes", Severity.fatal, text, values)
@@ -333,8 +333,8 @@ quarters of the points have to be off by more than the tracking too.
 """
 _OFF = "Rotations of the poses, directions of their motion, or the intrinsics are wrong."
 _AGREE = (
-    "To this, rotations of the poses and directions of their motion agree with the images. Errors along the lines, and "
-    "the scale of the positions, are not seen."
+    "Rotations of the poses and directions of their motion agree with the images within these residuals. Errors along "
+    "epipolar lines, and the scale of the positions, cannot be seen."
 )
 _BOUNDARY_PX = (SHORT_PX * LONG_PX) ** 0.5
 
@@ -357,7 +357,7 @@ def warping(evidence: Evidence) -> Item:
     share = float(np.median(finite[:, 1] / np.maximum(finite[:, 0], 1.0)))
     severity = _severity(share, float(np.median(finite[:, 1])))
     differs = _depth_disagreement(evidence)
-    sentences += [f"Depths of two images differ by {differs:.1%}."] if differs is not None else []
+    sentences += [f"Depths of the same points in two images differ by {differs:.1%}."] if differs is not None else []
     if not evidence.has_depth:
         is_off = is_off and _nearest_quarter_px(evidence) > _NOISE_PX
         severity = Severity.fatal if is_off else Severity.ok
@@ -365,7 +365,7 @@ def warping(evidence: Evidence) -> Item:
     if not evidence.has_depth and moving is None:
         sentences.append(_OFF if is_off else _AGREE)
     elif severity is not Severity.ok:
-        sentences.append(f"Errors of the truth would rival the motion: residuals are {share:.0%} of it.")
+        sentences.append(f"Errors of the truth are large: residuals are {share:.0%} of the image motion.")
     if moving is not None:
         severity = Severity.caveat
         sentences.append(_of_moving_parts(moving))
@@ -402,7 +402,7 @@ def _severity(share: float, typical_px: float) -> Severity:
 
 def _of_moving_parts(moving: MovingScene) -> str:
     return (
-        f"{moving.share:.0%} of the points fit to within {moving.fit_px:.1f} px, and the others miss by "
+        f"{moving.share:.0%} of the points have residuals of {moving.fit_px:.1f} px, and the others of "
         f"{moving.other_px:.1f} px. Parts of the scene probably move, such as traffic or people."
     )
 

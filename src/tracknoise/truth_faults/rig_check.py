@@ -329,7 +329,7 @@ def _counts(fault: _Fault, value: Array, sigma: Array, points: _Points, rig: Ste
 def _of_mistake(pair: _Pair, names: list[str], given_px: float, undone_px: float) -> Item:
     text = (
         f"It looks as if {names[0]}. Points that both cameras see are {significant(given_px, 3)} px from where the rig "
-        f"allows them, and {significant(undone_px, 2)} px if this is undone."
+        f"allows them, and {significant(undone_px, 2)} px if that is corrected."
     )
     if len(names) > 1:
         text += f" This recording cannot distinguish it from: {'; or '.join(names[1:3])}."
@@ -349,9 +349,9 @@ def _of_faults(pair: _Pair, fitted: _Fitted, points: _Points, given_px: float) -
         "delay_frames": delay,
     }
     length = f"{abs(longer):.1%} too {'long' if longer > 0.0 else 'short'}"
-    when = f"{significant(abs(delay), 2)} +- {of_delay:.1g} frames {'after' if delay > 0.0 else 'before'}"
+    when = f"{significant(abs(delay), 2)} ± {of_delay:.1g} frames {'after' if delay > 0.0 else 'before'}"
     says = {
-        _Fault.turn: f"the second camera is turned by {significant(degrees, 2)} +- {of_turn:.1g} degrees",
+        _Fault.turn: f"the second camera is turned by {significant(degrees, 2)} ± {of_turn:.1g} degrees",
         _Fault.scale: f"the distance between the cameras is {length}, or {pair.scaled_by} are not in metres",
         _Fault.delay: f"images of the second camera were taken {when} those of the first",
     }
@@ -374,7 +374,7 @@ def _of_faults(pair: _Pair, fitted: _Fitted, points: _Points, given_px: float) -
         return Item(TOPIC, pair.severity, f"The second camera does not fit: {median}.{reason}", values)
     text = f"Both cameras agree: {median}."
     if np.isfinite(points.inverse_m).sum() < _FEWEST_POINTS:
-        text += " Their distance could not be checked, as the poses tell too few depths."
+        text += " The distance between the cameras could not be checked: too few depths are known from the poses."
     return Item(TOPIC, Severity.ok, text, values)
 
 

@@ -78,7 +78,7 @@ def test_corrections_that_change_nothing_are_not_said_to_change_the_core() -> No
 def test_one_place_of_a_few_may_differ_by_chance(differing: int, stated: bool) -> None:
     cells = pl.DataFrame({"differs": [place < differing for place in range(5)], "level": [0.95] * 5})
     found = maps._image_map_message("lk", cells)
-    assert found == (f"lk has a mean error in {differing} of 5 places of the image" if stated else "")
+    assert found == (f"The mean error of lk differs from zero in {differing} of 5 cells of the image" if stated else "")
 
 
 @pytest.mark.parametrize(

@@ -71,7 +71,7 @@ def test_most_figures_of_an_ordinary_run_have_a_message(data: ReportData) -> Non
 def test_growth_is_stated_only_where_it_is_established(data: ReportData) -> None:
     for verdict in ("random walk", "undecided"):
         grown = with_verdict(data, verdict)
-        assert growth_message(grown).endswith(" grows 1.50 times up to age 10")
+        assert growth_message(grown).endswith(" becomes 1.50 times as large by age 10")
         assert message(error_curves.curve_figures(grown), "error-by-age") == growth_message(grown)
     for grows in ("no", "undecided"):
         assert growth_message(with_verdict(data, "white", grows)) == ""

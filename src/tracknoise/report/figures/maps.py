@@ -72,7 +72,7 @@ def _image_map_message(tracker: str, cells: pl.DataFrame) -> str:
     by_chance = (1 - cells["level"][0]) * cells.height if cells.height else 0.0
     if differing <= by_chance + max(by_chance, 3 * np.sqrt(by_chance)):
         return ""
-    return f"{tracker} has a mean error in {differing} of {cells.height} places of the image"
+    return f"The mean error of {tracker} differs from zero in {differing} of {cells.height} cells of the image"
 
 
 def _outlined(data: ReportData, bounded: pl.DataFrame, ages: Sequence[int]) -> str:

@@ -166,11 +166,9 @@ def _window_sigma_panel(table: pl.DataFrame, tracker: str) -> Panel:
     )
 
 
-_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "Depths that claimed intervals hold"
-_RESIDUAL = "residual core"
-_DEPTH_INTERVAL_COLOURS = dict(
-    zip((_RESIDUAL, "consistent sigma", "whole tracks", "1 px"), style.PALETTE[:4], strict=True)
-)
+_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE = "depth-intervals", "True depths inside the claimed intervals"
+_RESIDUAL, _CONSISTENT = "residual core", "sigma for depths"
+_DEPTH_INTERVAL_COLOURS = dict(zip((_RESIDUAL, _CONSISTENT, "whole tracks", "1 px"), style.PALETTE[:4], strict=True))
 _WHY = (
     "It takes true depths, tracks of at least five observations, and two scenes or more. Noise is tried on scenes that "
     "it was not learned from."
@@ -183,7 +181,9 @@ def depth_interval_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if rows.is_empty():
         return [Absence(_DEPTH_INTERVAL_ID, _DEPTH_INTERVAL_TITLE, _WHY)]
     table = rows.rename({"value": "u", "low": "u_low", "high": "u_high"})
-    table = table.with_columns(pl.col("covariance").replace("residual sigma", _RESIDUAL))
+    table = table.with_columns(
+        pl.col("covariance").replace({"residual sigma": _RESIDUAL, "consistent sigma": _CONSISTENT})
+    )
     present = [tracker for tracker in data.trackers if tracker in table["tracker"]]
     shows = (
         f"Share of windows whose true depth is inside the claimed interval, by the level of the interval, at speed "
@@ -210,7 +210,7 @@ def _depth_interval_message(table: pl.DataFrame) -> str:
     if few.is_empty():
         return ""
     tracker, share = few.select("tracker", "u").row(0)
-    return f"With the residual core, 95{SPACE}% depth intervals of {tracker} hold {share:.0f}{SPACE}%"
+    return f"95{SPACE}% depth intervals of {tracker} from the residual core contain {share:.0f}{SPACE}% of depths"
 
 
 def _windows(table: pl.DataFrame, trackers: Sequence[str]) -> str:
@@ -227,13 +227,13 @@ def _advice(table: pl.DataFrame, trackers: Sequence[str]) -> str:
         rows = table.filter(tracker=tracker, at=95)
         shares = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "u").iter_rows()}
         stated = [
-            f"{shares[name]} with the {name}"
+            f"{shares[name]} from the {name}"
             for name in _DEPTH_INTERVAL_COLOURS
-            if name in shares and name in (_RESIDUAL, "consistent sigma")
+            if name in shares and name in (_RESIDUAL, _CONSISTENT)
         ]
-        stated += [f"{shares['whole tracks']} with the covariance of whole tracks"] if "whole tracks" in shares else []
-        sentences.append(f"For {tracker}, 95{SPACE}% intervals hold {', '.join(stated)}.")
-    last = "Lines below the diagonal claim depths that are more certain than they are."
+        stated += [f"{shares['whole tracks']} from the covariance of whole tracks"] if "whole tracks" in shares else []
+        sentences.append(f"95{SPACE}% intervals of {tracker} contain these shares of true depths: {', '.join(stated)}.")
+    last = "Where a line is below the diagonal, depths are less certain than claimed."
     return " ".join([*map(sentence_case, sentences), last])
 
 

@@ -46,7 +46,7 @@ def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
         Figure(
             _RANKING,
             "Ranks of trackers",
-            f"A bar goes from the best to the worst rank that a tracker may have. {board.reading} Every two "
+            f"A bar goes from the best to the worst rank that a tracker may have. {board.reading} Every two trackers "
             "are compared within scenes.",
             f"Trackers of rank 1. {' '.join(told)}" if told else "No tracker is shown to be better than another.",
             arranged(panels, columns=len(panels)),
@@ -56,13 +56,13 @@ def ranking_figures(data: ReportData) -> Sequence[Figure | Absence]:
 
 
 def _message(best: Sequence[str], n: int) -> str:
-    """Who has the smallest typical error, where this is fewer than all."""
+    """Which trackers have the smallest typical error, where these are fewer than all."""
     if not 0 < len(best) < n:
         return ""
     if len(best) == 1:
-        return f"Of {n} trackers, {best[0]} has the smallest typical error"
-    few = f"{listing(best)} have" if len(best) <= 3 else f"{len(best)} have"
-    return f"Of {n} trackers, {few} the smallest typical errors"
+        return f"{best[0]} has the smallest typical error of {n} trackers"
+    first = listing(best) if len(best) <= 3 else f"{len(best)} of {n} trackers"
+    return f"{first} share rank 1 in typical error"
 
 
 def _span_chart(ranks: pl.DataFrame, order: Sequence[str], colours: Mapping[str, str], *, first: bool) -> alt.Chart:

@@ -13,6 +13,7 @@ import typer
 from tests.report.runs import make_run
 
 from tracknoise.cli.commands import app
+from tracknoise.report.glossary import TERMS
 from tracknoise.report.page import write_report
 
 __all__ = ["make_run"]
@@ -199,3 +200,10 @@ def test_the_tables_are_read_and_phrases_are_found_across_lines_but_not_within_w
     assert NAMES["Setting"] == "`SequenceContext`"
     text = Text("x.md", "One.\nIt is Tried\n  again. It is untried again.")
     assert list(violations(text)) == ["x.md:2: 'Tried again'; write: retry, retrying"]
+
+
+def test_the_page_defines_words_as_the_glossary_does():
+    rows = [line.strip("| ").split(" | ") for line in GLOSSARY.read_text().splitlines() if line.startswith("| ")]
+    for word, definition in TERMS.items():
+        found = [row for row in rows if re.search(rf"\b{word}\b", row[0], re.IGNORECASE) and row[1] == definition]
+        assert found, word

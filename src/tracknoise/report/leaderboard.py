@@ -168,7 +168,7 @@ class Leaderboard:
     @property
     def places(self) -> str:
         """What errors and lifetimes are of."""
-        errors = f"Core and RMS: of a typical scene at age {SHOWN_AGE}. " if "core" in self.roles else ""
+        errors = f"Core and RMS: geometric means over scenes at age {SHOWN_AGE}. " if "core" in self.roles else ""
         return f"{errors}Lifetimes: up to {LAST_AGE} frames."
 
     @property

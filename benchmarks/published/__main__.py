@@ -39,7 +39,11 @@ def main() -> int:
     for name in () if options.page else options.rounds:
         measure(name, options.folder / name, options.data, options.results)
     runs = [RunFolder(path) for path in sorted(options.folder.glob("*")) if (path / "manifest.json").exists()]
-    PAGE.write_text(page(read_results(options.results), [truth_of(run) for run in runs]), encoding="utf-8")
+    abouts = {
+        path.stem: path.read_text(encoding="utf-8").partition("\n")[0].lstrip("# ") for path in HERE.glob("*.toml")
+    }
+    text = page(read_results(options.results), [truth_of(run) for run in runs], dict(sorted(abouts.items())))
+    PAGE.write_text(text, encoding="utf-8")
     return 0
 
 

@@ -1,24 +1,27 @@
 """The page of the published benchmark."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from tracknoise.report.results_file import Results, Round, standings
 from tracknoise.tables.manifest import joined_fit
 from tracknoise.tables.store import RunFolder
-from tracknoise.words import DASH, number, pixels
+from tracknoise.words import DASH, listing, number, pixels
 
 _ABOUT = """# Benchmark
 
-**Sigma to set in a filter, px, by tracker and data.** In brackets: ranks in typical error (core), by scenes; a rank of
-2 to 5 means that one tracker is shown to be better by more than 10 %. `≤`: the truth is not trusted, sigma is at most
-this.
+**{best}**
+
+Sigma to set in a filter, px. In brackets: ranks in typical error (core), where there are six scenes and exact poses; in
+ranks 2 to 5 of 15, one tracker is shown to be better by more than 10 %, ten to be worse. `≤`: the truth is not trusted,
+and sigma is at most this.
 """
 _TRUTHS = """
 ## How wrong stated truths are
 
-By poses that are refined with reference tracks, which are never measured: what stated poses add to the errors of
-tracks.
+By poses that are refined with reference tracks, which are never measured: how errors of stated poses grow per root
+frame, and what they add to errors of tracks.
 """
 _ADD = """
 ## Add your tracker
@@ -38,39 +41,39 @@ _STEREO, EN_DASH = "stereo", "\N{EN DASH}"
 
 @dataclass(frozen=True, slots=True)
 class StatedTruth:
-    """What refined poses say of the stated ones of a run; empty texts where they say nothing."""
+    """What refined poses say of the stated ones of a recording: growth of their errors, and px that they add."""
 
     name: str
-    rotation_deg: float | None
+    rotation_deg: float | None  # per root frame
     position_m: float | None
-    next_px: float | None
-    stated_px: float | None
+    next_px: float | None  # at age 1
+    stated_px: float  # at the age below
     age: int | None
-    left_px: float | None
-    reason: str
+    left_px: float | None  # by refined poses
 
 
 def truth_of(run: RunFolder) -> StatedTruth | None:
-    """The same of a run; None where poses are exact."""
-    entries = run.manifest().sequences.values()
-    fit = joined_fit([entry.pose_fit for entry in entries])
-    if fit is None:
+    """The same of a run; None where poses are exact, or were not refined."""
+    fit = joined_fit([entry.pose_fit for entry in run.manifest().sequences.values()])
+    if fit is None or fit.stated_px is None:
         return None
-    stated = fit.stated_errors or {}
+    growth = fit.stated_errors or {}
     return StatedTruth(
         run.path.name,
-        stated.get("rotation_deg"),
-        stated.get("position_m"),
+        growth.get("rotation_deg_per_sqrt_frame"),
+        growth.get("translation_m_per_sqrt_frame"),
         fit.next_px,
         fit.stated_px,
         fit.age,
         fit.left_px,
-        fit.reason,
     )
 
 
-def page(results: Results, truths: Sequence[StatedTruth | None]) -> str:
-    """Sigmas and ranks of every tracker in every round, how wrong stated truths are, and how to add a tracker."""
+def page(results: Results, truths: Sequence[StatedTruth | None], abouts: Mapping[str, str]) -> str:
+    """Sigmas and ranks of every tracker in every round, how wrong stated truths are, and how to add a tracker.
+
+    `abouts`: what the data of each round are.
+    """
     parts = [_ABOUT, _sigmas({name: one for name, one in results.rounds.items() if name != "stereo"})]
     if "stereo" in results.rounds:
         parts += [
@@ -82,7 +85,22 @@ def page(results: Results, truths: Sequence[StatedTruth | None]) -> str:
     return "\n".join([*parts, _ADD, _made(results)])
 
 
-def _sigmas(rounds: dict[str, Round]) -> str:
+def _best(rounds: Mapping[str, Round]) -> str:
+    """Which trackers have the first rank in typical error, alone or with others, in the most rounds."""
+    boards = [board for one in rounds.values() if (board := standings(one)).is_ranked]
+    first = Counter(
+        one.tracker for board in boards for one in board.rows if one.ranks.get(board.roles[0], (0,))[0] == 1
+    )
+    most = max(first.values(), default=0)
+    names = listing(sorted(name for name, n in first.items() if n == most))
+    return f"{names} share the first rank in typical error in {most} of {len(boards)} simulated rounds." if most else ""
+
+
+def _data(abouts: Mapping[str, str]) -> str:
+    return "\n".join(["", *(f"- **{name}**: {text}" for name, text in abouts.items())])
+
+
+def _sigmas(rounds: Mapping[str, Round]) -> str:
     cells = {name: _ranked_sigmas(one) for name, one in rounds.items()}
     trackers = dict.fromkeys(tracker for of_round in cells.values() for tracker in of_round)
     rows = [[tracker, *(of_round.get(tracker, DASH) for of_round in cells.values())] for tracker in trackers]
@@ -114,7 +132,7 @@ def _truths(truths: Sequence[StatedTruth]) -> str:
     ]
     ages = {truth.age for truth in truths if truth.age is not None}
     at = f"age {ages.pop()}" if len(ages) == 1 else "the reference age"
-    return _table(["recording", "degrees", "metres", "px at age 1", f"px at {at}", "left by refined poses, px"], rows)
+    return _table(["recording", "degrees", "metres", "px at age 1", f"px at {at}", "px left when refined"], rows)
 
 
 def _made(results: Results) -> str:

@@ -176,7 +176,7 @@ class Chooser {
       row.querySelector(".limit")?.replaceChildren(limit);
       row.querySelector(".innovations")?.replaceChildren(innovations);
     }
-    const parts = { heading: shown?.heading, why: shown?.why, key: shown?.key, leader: shown?.leader };
+    const parts = { heading: shown?.heading, why: shown?.why, lines: shown?.key, leader: shown?.leader };
     for (const [name, text] of Object.entries(parts)) {
       const place = document.querySelector(`#answer [data-${name}]`);
       if (place) {

@@ -51,7 +51,6 @@ SHOTS = (
     Shot("demo-explorer", DEMO, "#explorer"),
     Shot("demo-tracks", DEMO, "#looks", before="look('lucas-kanade', 'forward-00', 10)"),
     Shot("7scenes-first-screen", SEVEN),
-    Shot("7scenes-audit", SEVEN, "#truth"),
     Shot("tournament", "runs/tournament/report/index.html", height=900),
     Shot("compare", "compare.html"),
 )

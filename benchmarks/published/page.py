@@ -13,9 +13,9 @@ _ABOUT = """# Benchmark
 
 **{best}**
 
-Sigma to set in a filter, px. In brackets: ranks in typical error (core), where there are six scenes and exact poses; in
-ranks 2 to 5 of 15, one tracker is shown to be better by more than 10 %, ten to be worse. `≤`: the truth is not trusted,
-and sigma is at most this.
+Sigma to set in a filter, px; of `-stereo` trackers, for positions in both cameras. Raised: ranks in typical error
+(core), where there are six scenes and exact poses. Rank 2 to 5 of 15: one tracker is shown to be better by more than
+10 %, ten to be worse. `≤`: the truth is not trusted, and sigma is at most this.
 """
 _TRUTHS = """
 ## How wrong stated truths are
@@ -33,10 +33,9 @@ tracknoise tournament --add mine.toml --to docs/benchmark.json --data /data
 measures the trackers of `mine.toml` in every round, ranks them among the others, and writes them into the file. Rounds
 of recordings need their folders in that of `--data`. Other data, truth, settings or versions of libraries are refused.
 
-`python -m benchmarks.published FOLDER --data /data` measures everything again, and resumes. Rounds are
-`benchmarks/published/*.toml`, with their seeds.
+All of it again: `python -m benchmarks.published FOLDER --data /data`, with the rounds of `benchmarks/published`.
 """
-_STEREO, EN_DASH = "stereo", "\N{EN DASH}"
+EN_DASH = "\N{EN DASH}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,12 +73,8 @@ def page(results: Results, truths: Sequence[StatedTruth | None], abouts: Mapping
 
     `abouts`: what the data of each round are.
     """
-    parts = [_ABOUT, _sigmas({name: one for name, one in results.rounds.items() if name != "stereo"})]
-    if "stereo" in results.rounds:
-        parts += [
-            "\nWith two cameras, sigma is for positions in both:\n",
-            _sigmas({"stereo": results.rounds["stereo"]}),
-        ]
+    rounds = dict(sorted(results.rounds.items(), key=lambda pair: (bool(pair[1].folder), pair[0])))
+    parts = [_ABOUT.format(best=_best(rounds)), _sigmas(rounds), _data(abouts)]
     known = [truth for truth in truths if truth is not None]
     parts += [_TRUTHS, _truths(known)] if known else []
     return "\n".join([*parts, _ADD, _made(results)])
@@ -92,12 +87,15 @@ def _best(rounds: Mapping[str, Round]) -> str:
         one.tracker for board in boards for one in board.rows if one.ranks.get(board.roles[0], (0,))[0] == 1
     )
     most = max(first.values(), default=0)
-    names = listing(sorted(name for name, n in first.items() if n == most))
-    return f"{names} share the first rank in typical error in {most} of {len(boards)} simulated rounds." if most else ""
+    best = sorted(name for name, n in first.items() if n == most)
+    if not best:
+        return ""
+    rounds_of_best = sum(any(one.tracker == best[0] for one in board.rows) for board in boards)
+    return f"{listing(best)} share the first rank in typical error in {most} of {rounds_of_best} simulated rounds."
 
 
 def _data(abouts: Mapping[str, str]) -> str:
-    return "\n".join(["", *(f"- **{name}**: {text}" for name, text in abouts.items())])
+    return "\n".join([*(f"- **{name}**: {text}" for name, text in abouts.items())])
 
 
 def _sigmas(rounds: Mapping[str, Round]) -> str:
@@ -108,13 +106,13 @@ def _sigmas(rounds: Mapping[str, Round]) -> str:
 
 
 def _ranked_sigmas(of: Round) -> dict[str, str]:
-    """What to set for each tracker, px, with its ranks in brackets; by name, the best first."""
+    """What to set for each tracker, px, with its ranks raised; by name, the best first."""
     board = standings(of)
     shown = {}
     for one in board.rows:
-        sigma = f"{'≤ ' if one.is_bound else ''}{pixels(one.sigma.value)}"
+        sigma = f"{'≤' if one.is_bound else ''}{pixels(one.sigma.value)}"
         span = one.span(board.roles[0]).replace(" to ", EN_DASH)
-        shown[one.tracker] = f"{sigma} ({span})" if span else sigma
+        shown[one.tracker] = f"{sigma}<sup>{span}</sup>" if span else sigma
     return shown
 
 
@@ -137,9 +135,13 @@ def _truths(truths: Sequence[StatedTruth]) -> str:
 
 def _made(results: Results) -> str:
     versions = next(iter(results.rounds.values())).versions
-    return "Made with " + ", ".join(f"{name} {version}" for name, version in versions.items()) + ".\n"
+    return (
+        "Made with "
+        + ", ".join(f"{name} {versions[name]}" for name in ("tracknoise", "opencv-contrib-python-headless"))
+        + ".\n"
+    )
 
 
 def _table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     rules = ["---", *(["--:"] * (len(headings) - 1))]
-    return "\n".join(f"| {' | '.join(row)} |" for row in (headings, rules, *rows)) + "\n"
+    return "\n".join(f"|{'|'.join(row)}|" for row in (headings, rules, *rows)) + "\n"

@@ -71,7 +71,7 @@ def experiment_template(
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
-    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers(first)]
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _ESTIMATOR, _trackers(first)]
     return "\n".join(chain.from_iterable(parts)) + "\n"
 
 
@@ -141,13 +141,28 @@ def _truth(first: Sequence, *, stereo: bool) -> list[str]:
 
 
 def _trackers(sequence: Sequence) -> list[str]:
-    """Both trackers with how they reject outliers and, as comments, the other choice and one of a second camera."""
+    """Both trackers with how they reject outliers and, as comments, the other choice and further trackers."""
     choice = f'# options = {{ rejection = {{ model = "{Model.fundamental}" }} }}'
     tables = (("", "[[trackers]]", _entry("kind", kind), choice) for kind in _TRACKERS)
     second = [] if second_of(sequence) is None else _SECOND_CAMERA
-    return ["", *_REJECTION, *chain.from_iterable(tables), *second]
+    return ["", *_REJECTION, *chain.from_iterable(tables), *_OTHER_TRACKERS, *second]
 
 
+_ESTIMATOR = (
+    "",
+    "# [estimator]  # what to set in it leads the findings; all of them: tracknoise export",
+    '# name = "openvins"',
+)
+_OTHER_TRACKERS = (
+    "",
+    "# [[trackers]]  # with the settings of a system; all of them: tracknoise trackers",
+    '# preset = "openvins"',
+    "",
+    "# [[trackers]]  # tracks of your own front end; other files, and a program: docs/your-tracks.md",
+    '# kind = "imported"',
+    '# name = "my front end"',
+    '# options = { path = "tracks/{scene}.csv" }  # columns track, image (or frame), u_px, v_px',
+)
 _SECOND_CAMERA = (
     "",
     "# [[trackers]]  # the features of the first one in the images of the second camera",

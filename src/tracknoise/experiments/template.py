@@ -66,13 +66,18 @@ def experiment_template(
     if stereo:
         first = with_stereo_depth(first)
     scenes = list(dict.fromkeys(item.scene for item in listed))
-    name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
+    name = (name_of(path).strip(".") if path else "") or reader.name
     given = READERS.with_paths_from(Path(), reader.name, options)
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
     parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _ESTIMATOR, _trackers(first)]
     return "\n".join(chain.from_iterable(parts)) + "\n"
+
+
+def name_of(recording: Path) -> str:
+    """Name of a folder, or of a file without its ending."""
+    return recording.resolve().stem if recording.is_file() else recording.resolve().name
 
 
 def _named_again(reader: Reader, path: Path | None, options: Mapping[str, object], poses: Mapping[str, str]) -> str:

@@ -10,7 +10,7 @@ from tests.writers.euroc import BODY_FROM_CAMERA, write_euroc, write_images, wri
 
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment, resolve
-from tracknoise.experiments.template import experiment_template
+from tracknoise.experiments.template import experiment_template, name_of
 from tracknoise.sequences.reader_registry import READERS, make_reader
 from tracknoise.sequences.recognise import recognise
 from tracknoise.tables.store import RunFolder
@@ -105,3 +105,26 @@ def test_depth_is_from_both_cameras_however_far_they_move(tmp_path, step_m):
     assert 'depth = "stereo"' not in text
     assert '# kind = "swept"  # there is no depth' in text
     assert "from the images of other frames and of the second camera" in text
+
+
+def test_an_estimator_and_tracks_of_ones_own_are_chosen_by_removing_marks_of_comments(tmp_path):
+    written = LAYOUTS["tum"](tmp_path / "data", 3).reader
+    lines = experiment_template(written, written.root, {}).splitlines()
+    wanted = ('# name = "openvins"', '# name = "my front end"', '# kind = "imported"', '# preset = "openvins"')
+    for line in (*wanted, *(line for line in lines if line.startswith(("# [", "# options = { path")))):
+        lines[lines.index(line)] = line.removeprefix("# ")
+    file = tmp_path / "first.toml"
+    file.write_text("\n".join(lines))
+    experiment = load_experiment(file)
+    assert experiment.estimator.name == "openvins"
+    *_, system, mine = experiment.trackers
+    assert (system.kind, system.name) == ("lucas-kanade", "openvins")
+    assert (mine.kind, mine.name) == ("imported", "my front end")
+    assert mine.options["path"] == str(tmp_path / "tracks" / "{scene}.csv")
+
+
+def test_a_folder_gives_its_name_and_a_file_its_name_without_the_ending(tmp_path):
+    (tmp_path / "office.bag").touch()
+    (tmp_path / "room.2").mkdir()
+    assert name_of(tmp_path / "office.bag") == "office"
+    assert name_of(tmp_path / "room.2") == "room.2"

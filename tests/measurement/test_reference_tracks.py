@@ -45,6 +45,16 @@ def test_frames_without_a_pose_have_no_reference_tracks(tracks):
     assert len(some.birth) > 0
 
 
+def test_tracks_that_began_before_the_first_pose_begin_with_it(tracks):
+    """Ground truth often starts later than images."""
+    poses = POSES.copy()
+    poses[:2] = np.nan
+    some = reference_tracks(recorded(poses, IMAGES, DEPTHS), FRAMES)
+    of_all = np.bincount(tracks.frame, minlength=FRAMES)
+    of_some = np.bincount(some.frame, minlength=FRAMES)
+    assert (of_some[3:] > 0.9 * of_all[3:]).all()
+
+
 def test_only_frames_that_are_measured_are_followed():
     some = reference_tracks(recorded(POSES, IMAGES, DEPTHS), 3)
     assert some.frame.max() == 2

@@ -37,12 +37,12 @@ def init(
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
     from tracknoise.exceptions import DataError, SettingsError
-    from tracknoise.experiments.template import experiment_template
+    from tracknoise.experiments.template import experiment_template, name_of
     from tracknoise.sequences.video import is_video
     from tracknoise.tables.files import write_atomically
 
     path = Path(recording[-1])
-    file = out or Path(f"{(path.with_suffix('') if is_video(path) else path).resolve().name}.toml")
+    file = out or Path(f"{name_of(path)}.toml")
     if file.exists() and not force:
         raise SettingsError(f"{file}: exists, expected a new file; --force replaces it")
     if file.exists() and file.suffix != ".toml":

@@ -66,13 +66,18 @@ def experiment_template(
     if stereo:
         first = with_stereo_depth(first)
     scenes = list(dict.fromkeys(item.scene for item in listed))
-    name = (path or Path(reader.name)).resolve().name.strip(".") or reader.name
+    name = (name_of(path).strip(".") if path else "") or reader.name
     given = READERS.with_paths_from(Path(), reader.name, options)
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]
     named = _named_again(reader, path, given, poses)
-    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _trackers(first)]
+    parts = [_heading(name, named, first), *dataset, _truth(first, stereo=stereo), _ESTIMATOR, _trackers(first)]
     return "\n".join(chain.from_iterable(parts)) + "\n"
+
+
+def name_of(recording: Path) -> str:
+    """Name of a folder, or of a file without its ending."""
+    return recording.resolve().stem if recording.is_file() else recording.resolve().name
 
 
 def _named_again(reader: Reader, path: Path | None, options: Mapping[str, object], poses: Mapping[str, str]) -> str:
@@ -141,13 +146,28 @@ def _truth(first: Sequence, *, stereo: bool) -> list[str]:
 
 
 def _trackers(sequence: Sequence) -> list[str]:
-    """Both trackers with how they reject outliers and, as comments, the other choice and one of a second camera."""
+    """Both trackers with how they reject outliers and, as comments, the other choice and further trackers."""
     choice = f'# options = {{ rejection = {{ model = "{Model.fundamental}" }} }}'
     tables = (("", "[[trackers]]", _entry("kind", kind), choice) for kind in _TRACKERS)
     second = [] if second_of(sequence) is None else _SECOND_CAMERA
-    return ["", *_REJECTION, *chain.from_iterable(tables), *second]
+    return ["", *_REJECTION, *chain.from_iterable(tables), *_OTHER_TRACKERS, *second]
 
 
+_ESTIMATOR = (
+    "",
+    "# [estimator]  # what to set in it leads the findings; all of them: tracknoise export",
+    '# name = "openvins"',
+)
+_OTHER_TRACKERS = (
+    "",
+    "# [[trackers]]  # with the settings of a system; all of them: tracknoise trackers",
+    '# preset = "openvins"',
+    "",
+    "# [[trackers]]  # tracks of your own front end; other files, and a program: docs/your-tracks.md",
+    '# kind = "imported"',
+    '# name = "my front end"',
+    '# options = { path = "tracks/{scene}.csv" }  # columns track, image (or frame), u_px, v_px',
+)
 _SECOND_CAMERA = (
     "",
     "# [[trackers]]  # the features of the first one in the images of the second camera",

@@ -159,8 +159,13 @@ def _step_in(tracker: Tracker, frame: Frame, size: tuple[int, int]) -> Step:
 
 
 def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> ReferenceTracks:
-    """The reference tracks, in frames with a pose, of the table `REFERENCES` of a sequence."""
+    """The reference tracks, in frames with a pose, of the table `REFERENCES` of a sequence.
+
+    A track that began in a frame without a pose begins in its first frame with one.
+    """
     geometry = SequenceGeometry(sequence)
+    posed = np.array([geometry.has_pose(index) for index in range(n_frames)], np.bool_)
+    table = table.filter(posed[table["frame"].to_numpy()])
     track, frame = (table[name].to_numpy().astype(np.intp) for name in ("track", "frame"))
     uv = table.select("u_px", "v_px").to_numpy()
     begun, births = np.unique(track, return_index=True)  # rows of a track are in the order of frames
@@ -169,8 +174,7 @@ def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> Reference
     at_birth = frame == birth[track]
     birth_uv = np.full((len(birth), 2), np.nan)
     birth_uv[track[at_birth]] = uv[at_birth]
-    posed = np.array([geometry.has_pose(index) for index in range(n_frames)], np.bool_)
-    later = ~at_birth & posed[frame] & posed[birth[track]] & (frame - birth[track] <= LONGEST)
+    later = ~at_birth & (frame - birth[track] <= LONGEST)
     used = np.zeros(len(birth), np.bool_)
     used[track[later]] = True
     order = np.flatnonzero(used)[np.argsort(birth[used], kind="stable")]

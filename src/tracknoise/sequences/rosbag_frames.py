@@ -36,6 +36,9 @@ from tracknoise.sequences.timed_poses import path_through
 from tracknoise.text import counted, counted_of
 from tracknoise.time_units import TimeUnit
 
+_NO_FRAME = "0"
+"""What recordings of librealsense name as the frame of every stream."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Messages:
@@ -84,7 +87,8 @@ def _scan(path: Path, wanted: Wanted) -> Scan:
     info = None if chosen.camera_info is None else _intrinsics(bag, chosen.camera_info)
     images = _messages(bag, chosen.image)
     depths = None if chosen.depth is None else _messages(bag, chosen.depth)
-    if info is not None and depths is not None and chosen.depth_info is not None and depths.frame != images.frame:
+    may_differ = depths is not None and (depths.frame != images.frame or images.frame == _NO_FRAME)
+    if info is not None and depths is not None and chosen.depth_info is not None and may_differ:
         _require_aligned(f"{path} {depths.topic}", info, _intrinsics(bag, chosen.depth_info), images.frame)
     is_of_topic = chosen.pose is not None and chosen.pose.kind != TRANSFORMS
     pose = pose_link(bag, chosen.pose) if chosen.pose is not None and is_of_topic else None
@@ -121,12 +125,13 @@ def _messages(bag: Bag, topic: Topic) -> Messages:
 
 
 def _require_aligned(place: str, images: CameraInfo, depths: CameraInfo, frame: str) -> None:
-    """Check that depths in another frame than the images are not those of another camera, as those of a RealSense."""
+    """Check that depths in no named frame, or another than the images, are not of another camera, as of a RealSense."""
     if (images.width, images.height, images.k) != (depths.width, depths.height, depths.k):
+        other, within = ("", "") if frame == _NO_FRAME else (" and another frame", f", in the frame {frame}")
         raise DataError(
             place,
-            "depth of another camera: it has other intrinsics and another frame than the images",
-            f"depth that is aligned with the images, in the frame {frame}, or {with_option('depth_topic', '')}",
+            f"depth of another camera: it has other intrinsics{other} than the images",
+            f"depth that is aligned with the images{within}, or {with_option('depth_topic', '')}",
         )
 
 

@@ -469,9 +469,12 @@ def _camera_info(bag: Bag, name: str | None, image: Topic, infos: list[Topic], o
 
 
 def _beside(topic: Topic, infos: list[Topic]) -> list[Topic]:
-    """The intrinsics beside a topic of images; empty where there are none."""
+    """The intrinsics beside a topic of images, as ROS or a recording of librealsense has it; empty where none are."""
     parts = topic.name.split("/")
-    beside = "/".join([*parts[: -2 if parts[-1] in _TRANSPORTS else -1], "camera_info"])
+    if parts[-2:] == ["image", "data"]:
+        beside = "/".join([*parts[:-2], "info", "camera_info"])
+    else:
+        beside = "/".join([*parts[: -2 if parts[-1] in _TRANSPORTS else -1], "camera_info"])
     return [info for info in infos if info.name == beside]
 
 

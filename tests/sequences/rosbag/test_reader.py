@@ -508,6 +508,34 @@ def test_depth_of_another_camera_is_refused(write, simulated):
     assert "birth" not in opened(root, depth_topic="").truths
 
 
+def librealsense(bag: BagWriter, sequence: Sequence, depth_focal: float) -> None:
+    """Colour and depth as the viewer of RealSense records them: no frames, and intrinsics once, without a time."""
+    camera, size = sequence.camera, (64, 48)
+    assert isinstance(camera, Camera)
+    for index in range(len(sequence)):
+        stamp = START_NS + index * STEP_NS
+        pixels = np.full((48, 64), 2000, "<u2")
+        bag.image("/device_0/sensor_0/Depth_0/image/data", stamp, "0", "mono16", pixels)
+        bag.image("/device_0/sensor_1/Color_0/image/data", stamp, "0", "mono8", sequence.image(index))
+    for stream, focal in (("sensor_0/Depth_0", depth_focal), ("sensor_1/Color_0", camera.fx)):
+        k = (focal, focal, camera.cx, camera.cy)
+        topic = f"/device_0/{stream}/info/camera_info"
+        bag.camera_info(topic, START_NS, "", size=size, k=k, model="Inverse Brown Conrady")
+
+
+def test_a_recording_of_librealsense_has_its_intrinsics_and_no_depth_of_another_camera(write, simulated):
+    content, focal = Content(simulated), simulated.camera.fx
+    poses = partial(content.odometry, child="0")
+    root = write(lambda bag: librealsense(bag, simulated, focal), poses)
+    assert opened(root).camera.fx == pytest.approx(focal)
+    np.testing.assert_allclose(opened(root).depth(0).depth_m, 2.0)
+    (root / "run.bag").unlink()
+    root = write(lambda bag: librealsense(bag, simulated, 1.2 * focal), poses)
+    with pytest.raises(DataError, match=r"Depth_0/image/data: depth of another camera: it has other intrinsics than"):
+        opened(root)
+    assert opened(root, depth_topic="").camera.fx == pytest.approx(focal)
+
+
 def test_a_camera_file_replaces_the_topic(write, simulated, tmp_path):
     content, camera = Content(simulated), simulated.camera
     rows = [", ".join(map(str, row)) for row in invert(BODY_FROM_CAMERA).tolist()]

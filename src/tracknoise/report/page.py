@@ -213,7 +213,7 @@ def _page(
 def _intervals(data: ReportData) -> str:
     """What intervals of sigma are; empty where there are none."""
     levels = data["advice"]["level"].drop_nulls()
-    return "" if levels.is_empty() or not data.truth.is_usable else f"Ranges: {intervals_at(levels[0])}."
+    return "" if levels.is_empty() or not data.truth.is_usable else f"{intervals_at(levels[0])}."
 
 
 def _shown_settings(answered: Summary) -> Sequence[NoiseToSet]:

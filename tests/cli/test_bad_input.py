@@ -70,7 +70,7 @@ def test_a_scene_that_was_copied_is_named_first(run, scene):
     shutil.copytree(scene, scene.with_name("seq-02"))
     code, stderr, out = run()
     assert (code, stderr) == (0, "")
-    assert any("seq-02 has those of seq-01." in text for text in RunFolder(out).statistics(FINDINGS)["text"])
+    assert any("seq-02 has the images of seq-01." in text for text in RunFolder(out).statistics(FINDINGS)["text"])
 
 
 def test_missing_image(run, scene):

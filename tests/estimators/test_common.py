@@ -19,7 +19,7 @@ def test_a_planted_common_share_comes_back(common_run) -> None:
     assert share is not None
     assert share.low < _drawn(common_run) < share.high
     assert share.value == pytest.approx(SHARE, rel=0.2)
-    assert "All features of a frame have 3" in " ".join(model_sentences(model, "filter"))
+    assert "Errors in common of all features of a frame are 3" in " ".join(model_sentences(model, "filter"))
 
 
 def _drawn(run) -> float:

@@ -114,7 +114,7 @@ def test_the_command_prints_the_answer_first_and_writes_both_files(capsys, plant
     code = program.main([str(planted_run), "--out", str(tmp_path)])
     out, err = capsys.readouterr()
     assert (code, err) == (0, "")
-    assert out.startswith("No gain is established of separate noise by speed and motion over one for all")
+    assert out.startswith("Separate noise by speed and motion is not shown to be better than one noise for all.")
     assert "Noise in px" in out
     assert "sideways" in out
     assert {path.name for path in tmp_path.iterdir()} == {"noise-table.csv", "noise-table.json"}

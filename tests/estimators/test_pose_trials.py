@@ -47,8 +47,11 @@ def test_an_export_says_what_the_gate_does_or_that_it_was_not_tried() -> None:
     nees, passed = Interval(value=0.61, low=0.5, high=0.72), Interval(value=0.8)
     tried = lucas_kanade(gate_trial=TriedGate(nees=nees, passed=passed, window=11, windows=36))
     text = export(tried, "openvins").text
-    assert "where all pass the gate" in text
-    assert "With this gate the NEES of the newest pose was 0.61 (0.5 to 0.72), in 36 windows of 11 frames" in text
+    assert "where the gates reject nothing" in text
+    assert (
+        "With this track gate, the NEES of the newest pose was 0.61 (0.5 to 0.72). The trial had 36 windows of 11"
+        in text
+    )
     assert "Whether sigma is right with the gate was not tried" in export(lucas_kanade(), "openvins").text
     assert "gate" not in export(tried, "kimera").text.split("Truth")[0].split("right for")[1]
 

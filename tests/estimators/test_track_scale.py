@@ -188,7 +188,8 @@ def test_models_say_what_a_scale_of_each_track_gains() -> None:
         in said
     )
     assert (
-        "Q 0.0800 px per sqrt(frame); W and Q depend on min_eigenvalue. On what was left out, this gains 1.00" in said
+        "Q 0.0800 px per sqrt(frame); W and Q depend on min_eigenvalue. On held-out tracks, this model gains 1.00"
+        in said
     )
     said = " ".join(model_sentences(made(0.3, track_scale=scale(nu=None)), "filter"))
     assert "tails are Gaussian: A 0.200 px" in said

@@ -90,7 +90,7 @@ def test_the_figure_states_components_and_how_far_they_are_off(fitted_run: RunFo
     (figure,) = noise_models.model_fit_figures(ReportData.of(fitted_run))
     assert isinstance(figure, Figure)
     assert "oracle: each frame 0.2" in figure.look_for
-    assert "from the measured errors." in figure.look_for
+    assert "off the measured errors." in figure.look_for
     assert figure.message == "The model is inside the intervals of the measured errors"
 
 

@@ -540,7 +540,9 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
         text = f"{sentence_case(worst.established_text)} {share}.{noise}"
         return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    of_faults = f" {_faults_text(faults)} But {_this(faults)} little." if faults.rows else _like_bias(evidence.audit)
+    of_faults = (
+        f" {_faults_text(faults)} But {_they_explain(faults)} little." if faults.rows else _like_bias(evidence.audit)
+    )
     cause = TruthCause.depths if noise else worst.largest
     step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
@@ -634,10 +636,12 @@ def _faults_text(faults: _Named) -> str:
 
 
 def _explains(faults: _Named) -> str:
-    return f"{sentence_case(_this(faults))} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
+    return (
+        f"{sentence_case(_they_explain(faults))} {percent(faults.share.value)} of the squared errors{faults.of_tracker}"
+    )
 
 
-def _this(faults: _Named) -> str:
+def _they_explain(faults: _Named) -> str:
     """The faults as a subject, with the verb."""
     return "this fault explains" if len(faults.rows) == 1 else "together, these faults explain"
 

@@ -270,7 +270,10 @@ def test_window_and_purpose_can_be_chosen():
     found = values("openvins", "openvins_noise.yaml", target=chosen)
     assert found["up_msckf_sigma_px"] == rounded(sigma(purpose=Purpose.ALL_POSES, window=20))
     text = made("openvins", target=chosen).text
-    assert "right for the covariance of all poses on average where all pass the gate, in windows of 20 frames" in text
+    assert (
+        "right for the covariance of all poses on average where the gates reject nothing, in windows of 20 frames"
+        in text
+    )
 
 
 def test_a_bias_is_stated():

@@ -40,7 +40,7 @@ def test_curves_quote_the_summary(data: ReportData) -> None:
     for row in rows.to_dicts():
         bias = f"{px(row['trimmed_nu_u_px'])} in u and {px(row['trimmed_nu_v_px'])} in v"
         spread = f"{px(row['trimmed_rms_u_px'])} in u and {px(row['trimmed_rms_v_px'])} in v"
-        told = f"{row['tracker']} has a mean error of {bias}. Its root second moment is {spread}."
+        told = f"{row['tracker']} has a mean error of {bias}. Its RMS is {spread}."
         assert told in figure.look_for
 
 
@@ -106,7 +106,7 @@ def test_speeds_that_share_no_age_are_read_at_the_nearest_to_ten(make_run: Calla
         ReportData.of(make_run(scenes=("only",), trackers=("one",), speeds=(7, 9), born=60))
     )
     assert figure.look_for.startswith(
-        "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the root second moment for "
+        "At age 10 or the nearest available (7 for speed 7 and 9 for speed 9), the RMS for "
     )
 
 

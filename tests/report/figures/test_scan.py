@@ -73,7 +73,7 @@ def test_boxes_leave_the_key_frame_out(data: ReportData, by_speed: Figure) -> No
 
 
 def test_speeds_are_read_at_the_last_frame_up_to_ten_after_the_key_frame_that_all_have(by_speed: Figure) -> None:
-    assert by_speed.look_for.startswith("At 8 frames after the key frame, the root second moment for ")
+    assert by_speed.look_for.startswith("At 8 frames after the key frame, the RMS for ")
 
 
 def test_features_are_counted_by_frame(data: ReportData) -> None:

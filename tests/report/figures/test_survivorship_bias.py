@@ -25,7 +25,7 @@ def test_the_longest_lived_are_told_beside_all_at_an_age_before_they_are_all(dat
     (figure,) = error_curves.survivorship_figures(data)
     assert isinstance(figure, Figure)
     told = re.match(
-        r"At age (\d+), the root .* that live to age (\d+) it is .* These are (\S+) of (\S+) features\.",
+        r"At age (\d+), the RMS .* that live to age (\d+) it is .* These are (\S+) of (\S+) features\.",
         figure.look_for,
     )
     age, longest = int(told.group(1)), int(told.group(2))

@@ -163,7 +163,7 @@ def describe_floor(points: pl.DataFrame) -> str:
     if not any((points[name].drop_nulls() > 0).any() for name in FLOOR_COLUMNS):
         return ""
     return (
-        " Grey dashed lines: the truth floor. It is the root second moment that the known errors of the truth cause "
+        " Grey dashed lines: the truth floor. It is the RMS that the known errors of the truth cause "
         f"without any error of a tracker. In the row of the mean error, the lines are at {SIGMAS:g} standard "
         "deviations of what these errors add to the mean."
     )

@@ -44,7 +44,7 @@ def _shown(data: ReportData) -> Figure | Absence:
     shows = f"Errors of {data.tracks_shown}{data.where}, {_along(data)}. {_LAYOUT}"
     advice = (
         f"A mean error that moves away from zero with {data.axis.distance} is a drift. Where the dashed line is below "
-        "the solid one, a bias is part of the error. Where the core is far below the root second moment, a few large "
+        "the solid one, a bias is part of the error. Where the core is far below the RMS, a few large "
         "errors make up most of it."
     )
     return _curve_figure(data, data.trimming, _id(data), title, shows, advice, _curve_message(data))
@@ -107,11 +107,10 @@ def _curve_figure(
     if not curve_readings:
         return Absence(name, title, no_curve(data))
     parts = [
-        f"{reading.name} has a mean error of {reading.describe('mean')}. "
-        f"Its root second moment is {reading.describe('second')}."
+        f"{reading.name} has a mean error of {reading.describe('mean')}. Its RMS is {reading.describe('second')}."
         for reading in curve_readings
     ]
-    pooled = "These numbers pool the features of all scenes. In the answer at the top, scenes count alike."
+    pooled = "These numbers pool the features of all scenes. In the answer at the top, all scenes have equal weight."
     look_for = f"{when(curve_readings, data.axis)} {' '.join(parts)} {pooled} {advice}"
     shows = f"{shows} {describe_bands(points, series)}"
     return Figure(name, title, shows, look_for, grid(points, series, data.axis), message)
@@ -329,7 +328,7 @@ def _look_for_directions(data: ReportData, points: pl.DataFrame, curve_readings:
     roots = ". It is ".join(_values(reading, "second") for reading in curve_readings)
     counts = listing(f"{number(_features(points, reading))} for {reading.name}" for reading in curve_readings)
     return (
-        f"{when(curve_readings, data.axis)} the mean error is {means}. The root second moment is {roots}. Number of "
+        f"{when(curve_readings, data.axis)} the mean error is {means}. The RMS is {roots}. Number of "
         f"features: {counts}. A mean error that follows the motion is visible along the motion. In u and v it may "
         "average out if the motion changes direction. Where errors across the gradient are larger than along it, "
         "features slide along edges."
@@ -437,7 +436,7 @@ def _look_for_survivorship(data: ReportData, points: pl.DataFrame, curve_reading
         for reading in curve_readings[::-1]
     )
     return (
-        f"{when(curve_readings, data.axis)} the root second moment of all tracks is {all_tracks.describe('second')}. "
+        f"{when(curve_readings, data.axis)} the RMS over all tracks is {all_tracks.describe('second')}. "
         f"For tracks that live {longest.name} it is {longest.describe('second')}. "
         f"These are {number(n)} of {number(n_all)} features. "
         "Long-lived tracks may have smaller errors than all tracks at the same age. The curve of all tracks then "
@@ -512,7 +511,7 @@ def _look_for_occlusion(data: ReportData, table: pl.DataFrame) -> str:
 def _sentences(axis: Axis, name: str, row: dict[str, float]) -> str:
     occluded = int(row["n_projected"] - row["n_visible"])
     share = percent(occluded / row["n_projected"])
-    change = f"Its root second moment in u is {px(row['u_projected'])} with them and {px(row['u_visible'])} without."
+    change = f"Its RMS in u is {px(row['u_projected'])} with them and {px(row['u_visible'])} without."
     return f"{name} has {count(occluded, 'occluded feature')} ({share}) {axis.place(int(row['since']))}. {change}"
 
 

@@ -26,6 +26,7 @@ from tracknoise.tables.enumerations import Aspect
 from tracknoise.topics import bands
 from tracknoise.topics.bands import BOUNDS
 from tracknoise.topics.growth_topic import behaviour
+from tracknoise.topics.sentences import because
 from tracknoise.words import DASH, MINUS, format_estimate, listing, number, px, sentence_case
 
 _NAME, _CHANGE_TITLE = "changes", "Changes from frame to frame"
@@ -228,8 +229,8 @@ def time_structure_figures(data: ReportData) -> Sequence[Figure | Absence]:
         title=_TIME_STRUCTURE_TITLE,
         shows=f"Top: the second moment about zero by {data.axis.distance} at speed {data.slowest}"
         f"{data.where} (dots) and the fitted model (lines). The model has a constant part, a part that grows with the "
-        "number of frames, and a part that grows with its square. Where it fails and a part that grows towards a limit "
-        "fits, that is drawn. Bottom: the correlation of successive changes of "
+        "number of frames, and a part that grows with its square. Where this model fails, one with a part that grows "
+        "towards a limit is drawn, if it fits. Bottom: the correlation of successive changes of "
         "the error, from one frame that the tracker saw to the next, at every speed. "
         f"{bands.describe_intervals(points, of='the second moments', marks='Thin lines at')}",
         look_for=_look_for_time_structure(data, nominal),
@@ -388,7 +389,7 @@ def _sentences(row: Mapping[str, Any]) -> str:
     ]
     verdict = _SENTENCES[row["verdict"]].format(f"{row['tracker']} in {row['coordinate']}")
     if row["verdict"] in ("none", "undecided"):
-        return f"{verdict}{': ' if row['why'] else ''}{row['why'] or ''}."
+        return because(verdict, row["why"])
     fitted = f"Its fitted parts in a typical scene: {listing(parts)}." if parts else "No model was fitted."
     return f"{verdict}. {fitted}"
 

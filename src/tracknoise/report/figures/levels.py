@@ -27,7 +27,7 @@ from tracknoise.tables.enumerations import Trimming
 from tracknoise.topics.bands import upright_bounds
 from tracknoise.words import listing, number, px, sentence_case
 
-_NAMES = {"mean": "mean error", "second": "root second moment"}
+_NAMES = {"mean": "mean error", "second": "RMS"}
 _WIDTHS = {"few": (240, 105), "many": (196, 156)}
 """Widths of a panel of curves and of its box plot, px."""
 

@@ -82,7 +82,7 @@ def _outlined(data: ReportData, bounded: pl.DataFrame, ages: Sequence[int]) -> s
         if differs.len():
             place = data.axis.opening_place(data.since_zero(at))
             parts.append(f"{place}, {count(int(differs.sum()), 'cell')} of {differs.len()} differ from zero.")
-    by_chance = f"By chance, about {100 * (1 - bounded['level'][0]):g}{SPACE}% would." if parts else ""
+    by_chance = f"By chance, about {100 * (1 - bounded['level'][0]):g}{SPACE}% of the cells would." if parts else ""
     return " ".join([*parts, by_chance]) or "No cell has an interval, because too little can be resampled."
 
 
@@ -351,8 +351,8 @@ def _look_for_surroundings(table: pl.DataFrame) -> str:
     """Numbers of the sides of depth edges in u, and what they mean."""
     rows = {(row["class"], row["statistic"]): row["value"] for row in _in_u(table, Surrounding.side).to_dicts()}
     parts = [
-        f"{name} of depth edges are {percent(rows[side, 'share'])} of the features, with a mean error in u of "
-        f"{px(rows[side, 'mean'])}."
+        f"{percent(rows[side, 'share'])} of the features are {name[0].lower()}{name[1:]} of depth edges, with a mean "
+        f"error in u of {px(rows[side, 'mean'])}."
         for side, name in list(_SIDES.items())[:2]
         if (side, "mean") in rows
     ]
@@ -365,12 +365,12 @@ def _look_for_surroundings(table: pl.DataFrame) -> str:
     if "second_removed" in hidden:
         share, removed = (percent(hidden[name]["value"]) for name in ("share", "second_removed"))
         parts.append(
-            f"Occluded are {share} of the features. Excluding them removes {removed} of the second moment in u."
+            f"{share} of the features are occluded. Excluding them removes {removed} of the second moment in u."
         )
     return " ".join(
         [
             *parts,
-            "A feature beside a depth edge has two surfaces in its window, and is drawn along by the other one. "
+            "A feature beside a depth edge has two surfaces in its window, and the other surface draws it along. "
             "Errors that grow towards near or far depths suggest a wrong depth scale or offset, or wrong translations.",
         ]
     )

@@ -90,7 +90,7 @@ def _sentence(tracker: str, model: NoiseModel, curve: pl.DataFrame) -> str:
     if compared.is_empty():
         return f"{tracker}: {stated}."
     off = (compared["modelled"] / compared["measured"] - 1.0).abs().max()
-    return f"{tracker}: {stated}; at most {100.0 * float(off):.0f}{SPACE}% from the measured errors."  # type: ignore[arg-type]
+    return f"{tracker}: {stated}; at most {100.0 * float(off):.0f}{SPACE}% off the measured errors."  # type: ignore[arg-type]
 
 
 def _model_fit_panel(tracker: str, curve: pl.DataFrame) -> Panel:
@@ -110,7 +110,7 @@ def _model_fit_panel(tracker: str, curve: pl.DataFrame) -> Panel:
     return Panel(chart, (marks.shown("line", _MODEL_FIT_COLOURS),), layer=len(band))
 
 
-_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Noise for the depths of points, by length of the window"
+_WINDOW_SIGMA_ID, _WINDOW_SIGMA_TITLE = "window-sigmas", "Sigma for the depths of points, by length of the window"
 _LINES = {"consistent_sigma": "for depths", "residual_core": "residual core"}
 _WINDOW_SIGMA_COLOURS = dict(zip(_LINES.values(), style.PALETTE[:2], strict=True))
 _WINDOW_SIGMA_ADVICE = (
@@ -131,8 +131,8 @@ def window_sigma_figures(data: ReportData) -> Sequence[Figure | Absence]:
     panels = [_window_sigma_panel(table, tracker) for tracker in present]
     shows = (
         f"Standard deviation of one coordinate at speed {data.slowest}{data.where}, by the number of observations in a "
-        "window. The first line is the sigma for which depths of points are as certain as an estimator claims. The "
-        f"second is the residual core. {describe_bounds(table, of='the lines')}"
+        "window. The first line is the sigma for depths, with which depths are as certain as an estimator claims. "
+        f"The second is the residual core. {describe_bounds(table, of='the lines')}"
     )
     look_for = " ".join(
         [*filter(None, (estimator_sentence(data, tracker) for tracker in present)), _WINDOW_SIGMA_ADVICE]

@@ -181,7 +181,7 @@ _LIFETIME_SHARE = alt.Y("survival:Q", scale=alt.Scale(domain=[0, 1]), title="sha
 
 _FAILURE = (
     "The first mean depends on the length of sequences, the restricted mean does not. A failure is a lost track or an "
-    "outlier. Other ends then count as censored, which assumes that these tracks would have failed like the rest."
+    "outlier. Until failure, tracks with other ends count as censored: they are assumed to fail like the rest."
 )
 
 

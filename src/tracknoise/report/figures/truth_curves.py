@@ -83,7 +83,7 @@ def _root(value: pl.Expr) -> pl.Expr:
 def _shows(data: ReportData, points: pl.DataFrame) -> str:
     return (
         f"Difference of the positions of two trackers at speed {data.slowest}{data.where}, where both began a track at "
-        "the same corner of the same frame, by age. Top: mean of the first less the second. Bottom: standard "
+        "the same corner of the same frame, by age. Top: mean of the first minus the second. Bottom: standard "
         f"deviation. {bands.describe_intervals(points, of='the curves')}"
     )
 
@@ -209,13 +209,11 @@ def _two_truths_of_tracker(data: ReportData, tracker: str, table: pl.DataFrame) 
         least=data.min_features,
     )
     ages = marks.along(points["at"], title="age (frames)", from_zero=True)
-    panels = [
-        _two_truth_panel(points.filter(coordinate=axis), f"root second moment in {axis} (px)", ages) for axis in "uv"
-    ]
+    panels = [_two_truth_panel(points.filter(coordinate=axis), f"RMS in {axis} (px)", ages) for axis in "uv"]
     return Figure(
         id=f"two-truths-{data.slug(tracker)}",
         title=f"{tracker}, by two truths",
-        shows=f"Root second moment about zero by age at speed {data.slowest}{data.where}, of observations that both "
+        shows=f"RMS by age at speed {data.slowest}{data.where}, of observations that both "
         "truths know. The disagreement is the distance between the true positions by the two truths. It does not "
         f"depend on the errors of the tracker. {describe_intervals(points, of='the curves', n_scenes='n_scenes')}",
         look_for=_two_truth_sentence(tracker, points),

@@ -25,8 +25,8 @@ def scene_results(data: ReportData) -> tuple[dict[str, int], dict[str, dict[str,
         for named in [dict(zip(POOLED, condition, strict=True))]
         if all(named[name] == getattr(reference, name) for name in named if name not in ("dataset", "tracker"))
     }
-    (dataset,) = {entry.sequence.dataset for entry in data.manifest.sequences.values()}
-    scenes = values.scenes[dataset]
+    dataset = next((str(condition[0]) for condition in of_reference.values()), "")
+    scenes = values.scenes.get(dataset, [])
     groups = groups_of_scenes(data.manifest.sequences, data.settings["dataset"].get("groups"))
     numbers = {tracker: scene_numbers(values, condition) for tracker, condition in of_reference.items()}
     return dict(zip(scenes, groups.of(dataset, scenes).tolist(), strict=True)), numbers

@@ -18,16 +18,13 @@ def main() -> None:
 
 
 def tables() -> str:
-    """One paragraph per preset: what it is, where it was read, and what the system does otherwise."""
-    return "".join(f"\n{section}" for section in map(_section, preset_names()))
+    """One row per preset: its system, the kind of tracker, and what it is."""
+    return "\n| Preset | Of | Kind | What it does |\n| --- | --- | --- | --- |\n" + "".join(map(_row, preset_names()))
 
 
-def _section(name: str) -> str:
+def _row(name: str) -> str:
     preset = load_preset(name)
-    return (
-        f"**`{name}`** ({preset.system}; `{preset.tracker}`; {preset.repository}@{preset.commit}): "
-        f"{preset.description}. {' '.join(preset.differs)}\n"
-    )
+    return f"| `{name}` | {preset.system} | `{preset.tracker}` | {preset.description} |\n"
 
 
 if __name__ == "__main__":

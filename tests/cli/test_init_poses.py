@@ -59,7 +59,9 @@ def test_images_with_intrinsics_and_a_trajectory_are_measured(tracknoise, files,
     assert code == 0
     assert "poses of 10 of 10 frames are from" in out
     assert "in the format of KITTI, of the camera" in out
-    dataset = tomllib.loads((files / "x.toml").read_text())["dataset"]
+    written = tomllib.loads((files / "x.toml").read_text())
+    dataset = written["dataset"]
+    assert written["name"] == "x"  # of the run folder too
     assert (dataset["trajectory"], dataset["trajectory_of"]) == (str(files / "kitti.txt"), "camera")
     np.testing.assert_allclose(opened(files / "x.toml").world_from_camera, walk.world_from_camera, atol=1e-9)
     run = ["run", str(files / "x.toml"), "--out", str(files / "run"), "--workers", "1", "--quiet", "--no-report"]

@@ -58,6 +58,7 @@ def init(
             opened.reader,
             opened.path,
             opened.options,
+            name=file.stem.strip("."),
             stereo=opened.stereo,
             trajectory=opened.trajectory,
             trajectory_of=opened.trajectory_of,

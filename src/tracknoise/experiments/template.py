@@ -34,6 +34,7 @@ def experiment_template(
     path: Path | None,
     options: Mapping[str, object],
     *,
+    name: str = "",
     stereo: bool = False,
     trajectory: str | None = None,
     trajectory_of: PosesOf = PosesOf.camera,
@@ -49,6 +50,8 @@ def experiment_template(
     options
         Options of the reader that differ from the defaults; relative paths start from the current folder, and are
         written as absolute ones.
+    name
+        Of the experiment, and so of its run folder; by default that of the recording.
     stereo
         Whether depth is computed by stereo matching with a second camera, in place of recorded depth.
     trajectory
@@ -66,7 +69,7 @@ def experiment_template(
     if stereo:
         first = with_stereo_depth(first)
     scenes = list(dict.fromkeys(item.scene for item in listed))
-    name = (name_of(path).strip(".") if path else "") or reader.name
+    name = name or (name_of(path).strip(".") if path else "") or reader.name
     given = READERS.with_paths_from(Path(), reader.name, options)
     poses = {} if trajectory is None else {"trajectory": trajectory, "trajectory_of": str(trajectory_of)}
     dataset = [_dataset(reader, path, scenes, poses), _options(reader.name, given)]

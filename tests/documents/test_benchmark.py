@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from benchmarks.published.page import page
+
 from tracknoise.report.results_file import read_results, standings
 from tracknoise.trackers.tracker_registry import load_preset, preset_names
 

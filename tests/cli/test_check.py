@@ -245,8 +245,8 @@ def test_depth_from_stereo_is_not_computed_unless_it_is_asked_for(tracknoise, tm
     assert tracknoise("init", str(tmp_path), "-o", str(file))[0] == 0
     assert load_experiment(file).truth.depth == "recorded"
     written = file.read_text()
-    shown = written.replace("# [[trackers]]", "[[trackers]]").replace('# kind = "second', 'kind = "second')
-    file.write_text(shown.replace("# options = { of", "options = { of"))
+    above, stanza = written.split("# [[trackers]]  # the features of the first one")
+    file.write_text(f"{above}[[trackers]]  # {stanza.replace('# kind', 'kind').replace('# options', 'options')}")
     assert load_experiment(file).trackers[-1].kind == "second-view"
 
 

@@ -135,7 +135,7 @@ def test_commands(planted_run: Path, tmp_path: Path, tracknoise) -> None:
     assert "the interval of its variance reaches 0" in out
     code, shown, _ = tracknoise("export", file, "--to", "text")
     assert (code, shown) == (0, out)
-    assert "gate .80  gate .95  gate .99" in shown
+    assert "track gate .80  track gate .95  track gate .99" in shown
     prose, _ = shown.split("\n\n", 1)
     assert max(map(len, prose.splitlines())) <= WIDTH
     _, of_run, _ = tracknoise("export", planted_run, "--to", "openvins")

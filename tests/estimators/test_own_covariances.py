@@ -69,7 +69,7 @@ def test_results_have_the_factor_and_the_verdict(claimed: RunFolder) -> None:
 def test_one_finding_says_so(claimed: RunFolder) -> None:
     found = claimed.statistics(FINDINGS).filter(topic="covariances").to_dicts()
     (text,) = (row["text"].replace("\N{NO-BREAK SPACE}", " ") for row in found)
-    assert "imported's own covariances are too small: 95 % regions hold 5" in text
+    assert "imported's own covariances are too small: 95 % regions contain 5" in text
     assert "They would have to be multiplied by 4" in text.replace("by 3.9", "by 4")
     assert set(found[0]["rows"]) <= set(run_results(claimed)["id"])
     assert "multiply by" in found[0]["brief"]

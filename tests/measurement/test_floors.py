@@ -112,7 +112,7 @@ def test_covariances_add_up_to_the_floor(images) -> None:
     assert found.notes == (
         "error of the truth, rotation: 0.1 deg in each pose (stated)",
         "error of the truth, depth: 0.05 m (stated)",
-        "error of the truth, focal: 0.01 of it (stated)",
+        "error of the truth, focal: 0.01 of the focal length (stated)",
     )
 
 

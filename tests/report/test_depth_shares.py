@@ -58,7 +58,7 @@ def test_the_figure_says_what_each_noise_holds(data: ReportData) -> None:
     (figure,) = noise_models.depth_interval_figures(data)
     assert isinstance(figure, Figure)
     assert (
-        "95 % intervals of lucas-kanade contain these shares of true depths: 57 % from the residual core, 80 % from "
+        "Intervals of 95 % of lucas-kanade contain these shares of true depths: 57 % from the residual core, 80 % from "
         "the sigma for depths, 82 % from the covariance of whole tracks." in plain(figure.look_for)
     )
     assert "Windows of 15 observations." in figure.shows

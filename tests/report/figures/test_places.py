@@ -65,7 +65,7 @@ def test_classes_are_drawn_with_their_values_and_sides_are_named(data: ReportDat
     found = drawn(figure, panel=1).filter(pl.col("coordinate") == "u")
     assert sorted(found["n"].to_list()) == sorted(expected["n"].to_list())
     assert sorted(found["value"].to_list()) == pytest.approx(sorted(expected["value"].to_list()), rel=1e-3)
-    assert "of the features are on the far side of depth edges, with a mean" in figure.look_for
+    assert "Features on the far side of depth edges are " in figure.look_for
 
 
 def test_speeds_are_drawn_for_both_directions_at_each_age(data: ReportData) -> None:

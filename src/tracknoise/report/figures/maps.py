@@ -351,7 +351,7 @@ def _look_for_surroundings(table: pl.DataFrame) -> str:
     """Numbers of the sides of depth edges in u, and what they mean."""
     rows = {(row["class"], row["statistic"]): row["value"] for row in _in_u(table, Surrounding.side).to_dicts()}
     parts = [
-        f"{percent(rows[side, 'share'])} of the features are {name[0].lower()}{name[1:]} of depth edges, with a mean "
+        f"Features {name[0].lower()}{name[1:]} of depth edges are {percent(rows[side, 'share'])} of all, with a mean "
         f"error in u of {px(rows[side, 'mean'])}."
         for side, name in list(_SIDES.items())[:2]
         if (side, "mean") in rows
@@ -365,7 +365,7 @@ def _look_for_surroundings(table: pl.DataFrame) -> str:
     if "second_removed" in hidden:
         share, removed = (percent(hidden[name]["value"]) for name in ("share", "second_removed"))
         parts.append(
-            f"{share} of the features are occluded. Excluding them removes {removed} of the second moment in u."
+            f"Occluded features are {share} of all. Excluding them removes {removed} of the second moment in u."
         )
     return " ".join(
         [

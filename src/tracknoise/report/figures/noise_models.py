@@ -232,7 +232,9 @@ def _advice(table: pl.DataFrame, trackers: Sequence[str]) -> str:
             if name in shares and name in (_RESIDUAL, _CONSISTENT)
         ]
         stated += [f"{shares['whole tracks']} from the covariance of whole tracks"] if "whole tracks" in shares else []
-        sentences.append(f"95{SPACE}% intervals of {tracker} contain these shares of true depths: {', '.join(stated)}.")
+        sentences.append(
+            f"Intervals of 95{SPACE}% of {tracker} contain these shares of true depths: {', '.join(stated)}."
+        )
     last = "Where a line is below the diagonal, depths are less certain than claimed."
     return " ".join([*map(sentence_case, sentences), last])
 

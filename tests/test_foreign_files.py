@@ -19,7 +19,7 @@ from tracknoise.foreign_files import (
     read_bytes,
     read_text,
 )
-from tracknoise.parsing_child import LostError, call_in_child
+from tracknoise.parsing_child import LostError, call_in_child, cpu_time_of_calls
 
 
 def test_pipes_devices_and_folders_are_refused_without_opening_them(tmp_path: Path) -> None:
@@ -126,6 +126,13 @@ def test_time_and_memory_of_a_child_are_limited(monkeypatch: pytest.MonkeyPatch)
     with pytest.raises(LostError):
         call_in_child(bytearray, 3 << 30, size=0)
     assert len(call_in_child(bytearray, 1 << 20, size=0)) == 1 << 20
+
+
+def test_the_time_of_calls_is_that_of_their_child() -> None:
+    call_in_child(abs, 1, size=0)
+    before, own = cpu_time_of_calls(), time.process_time()
+    call_in_child(sum, range(10**7), size=0)
+    assert cpu_time_of_calls() - before > 4 * (time.process_time() - own)
 
 
 def test_what_a_parser_prints_is_no_answer(capfd: pytest.CaptureFixture[str]) -> None:

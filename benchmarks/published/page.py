@@ -2,12 +2,9 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
-from tracknoise.report.results_file import Results, Round, standings
-from tracknoise.tables.manifest import joined_fit
-from tracknoise.tables.store import RunFolder
-from tracknoise.words import DASH, listing, number, pixels
+from tracknoise.report.results_file import Results, Round, StatedPoses, standings
+from tracknoise.words import DASH, listing, number, percent, pixels
 
 _ABOUT = """# Benchmark
 
@@ -21,7 +18,8 @@ _TRUTHS = """
 ## How wrong stated truths are
 
 By poses that are refined with reference tracks, which are never measured: how errors of stated poses grow per root
-frame, and what they add to errors of tracks.
+frame, what they add to errors of tracks, and their share of the squared errors of `lucas-kanade` (core) at the later
+age.
 """
 _ADD = """
 ## Add your tracker
@@ -35,47 +33,18 @@ of recordings need their folders in that of `--data`. Other data, truth, setting
 
 All of it again: `python -m benchmarks.published FOLDER --data /data`, with the rounds of `benchmarks/published`.
 """
+_EXAMPLE = "lucas-kanade"
 EN_DASH = "\N{EN DASH}"
 
 
-@dataclass(frozen=True, slots=True)
-class StatedTruth:
-    """What refined poses say of the stated ones of a recording: growth of their errors, and px that they add."""
-
-    name: str
-    rotation_deg: float | None  # per root frame
-    position_m: float | None
-    next_px: float | None  # at age 1
-    stated_px: float  # at the age below
-    age: int | None
-    left_px: float | None  # by refined poses
-
-
-def truth_of(run: RunFolder) -> StatedTruth | None:
-    """The same of a run; None where poses are exact, or were not refined."""
-    fit = joined_fit([entry.pose_fit for entry in run.manifest().sequences.values()])
-    if fit is None or fit.stated_px is None:
-        return None
-    growth = fit.stated_errors or {}
-    return StatedTruth(
-        run.path.name,
-        growth.get("rotation_deg_per_sqrt_frame"),
-        growth.get("translation_m_per_sqrt_frame"),
-        fit.next_px,
-        fit.stated_px,
-        fit.age,
-        fit.left_px,
-    )
-
-
-def page(results: Results, truths: Sequence[StatedTruth | None], abouts: Mapping[str, str]) -> str:
+def page(results: Results, abouts: Mapping[str, str]) -> str:
     """Sigmas and ranks of every tracker in every round, how wrong stated truths are, and how to add a tracker.
 
     `abouts`: what the data of each round are.
     """
     rounds = dict(sorted(results.rounds.items(), key=lambda pair: (bool(pair[1].folder), pair[0])))
     parts = [_ABOUT.format(best=_best(rounds)), _sigmas(rounds), _data(abouts)]
-    known = [truth for truth in truths if truth is not None]
+    known = {name: one.stated_poses for name, one in rounds.items() if one.stated_poses is not None}
     parts += [_TRUTHS, _truths(known)] if known else []
     return "\n".join([*parts, _ADD, _made(results)])
 
@@ -116,21 +85,23 @@ def _ranked_sigmas(of: Round) -> dict[str, str]:
     return shown
 
 
-def _truths(truths: Sequence[StatedTruth]) -> str:
+def _truths(known: Mapping[str, StatedPoses]) -> str:
     rows = [
         [
-            truth.name,
-            number(truth.rotation_deg),
-            number(truth.position_m),
-            pixels(truth.next_px),
-            pixels(truth.stated_px),
-            pixels(truth.left_px),
+            name,
+            number(poses.rotation_deg),
+            number(poses.position_m),
+            pixels(poses.next_px),
+            pixels(poses.stated_px),
+            pixels(poses.left_px),
+            percent(poses.shares.get(_EXAMPLE)),
         ]
-        for truth in truths
+        for name, poses in known.items()
     ]
-    ages = {truth.age for truth in truths if truth.age is not None}
+    ages = {poses.age for poses in known.values() if poses.age is not None}
     at = f"age {ages.pop()}" if len(ages) == 1 else "the reference age"
-    return _table(["recording", "degrees", "metres", "px at age 1", f"px at {at}", "px left when refined"], rows)
+    headings = ["recording", "degrees", "metres", "px at age 1", f"px at {at}", "px left when refined"]
+    return _table([*headings, "share"], rows)
 
 
 def _made(results: Results) -> str:

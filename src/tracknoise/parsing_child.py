@@ -69,18 +69,25 @@ def call_in_child(function: Callable[..., T], *arguments: object, size: int, who
     TracknoiseError
         As the function. Its other exceptions become a `LostError` too, with the first line of their message.
     """
+    global _used_s
     for argument in arguments:
         if isinstance(argument, Path) and argument.is_file():
             note(argument)  # which compiled code of the child may open
     with _lock:
         cpu_s, memory = limits_of(size)
         answer = _child().ask(pickle.dumps((function, arguments, memory, cpu_s)), _WALL_PER_CPU * cpu_s, who)
-    succeeded, value, files, folders = pickle.loads(answer)
+    succeeded, value, files, folders, used_s = pickle.loads(answer)
     note_elsewhere(files, folders)
+    _used_s += used_s
     if not succeeded:
         raise value
     result: T = value
     return result
+
+
+def cpu_time_of_calls() -> float:
+    """Time of the processor that calls of this process took in its children so far, seconds."""
+    return _used_s
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,6 +158,7 @@ class _Child:
 
 _lock = threading.Lock()
 _current: _Child | None = None
+_used_s = 0.0
 
 
 def _child() -> _Child:
@@ -189,6 +197,7 @@ def _answer(request: bytes) -> bytes:
     _limit_memory(memory)
     _limit_time(cpu_s)
     answer: tuple[bool, Any]
+    begun = time.process_time()
     with noting(lambda _: True, most=0) as opened:
         try:
             answer = True, function(*arguments)
@@ -196,7 +205,7 @@ def _answer(request: bytes) -> bytes:
             answer = False, error
         except BaseException as error:
             answer = False, LostError(first_line(error))
-    return pickle.dumps((*answer, opened.files, opened.folders))
+    return pickle.dumps((*answer, opened.files, opened.folders, time.process_time() - begun))
 
 
 def _limit_time(more_s: int) -> None:

@@ -581,3 +581,16 @@ def test_nothing_serious_is_found_by_axe(report: Path, open_page: Open, dark: bo
         "axe.run().then((one) => one.violations.map((rule) => [rule.impact, rule.id, rule.nodes[0].html]))"
     )
     assert [one for one in found if one[0] in ("serious", "critical")] == []
+
+
+BEYOND_KEYS = """[...document.querySelectorAll('body *')]
+  .filter(one => ['auto', 'scroll'].includes(getComputedStyle(one).overflowX) && one.scrollWidth > one.clientWidth + 1)
+  .filter(one => one.tabIndex < 0 && !one.querySelector('a[href], button, input, select, [tabindex="0"]'))
+  .map(one => one.className + ': ' + one.textContent.slice(0, 60))"""
+
+
+def test_what_scrolls_on_a_phone_can_be_scrolled_by_keys(open_page: Open, report: Path):
+    page = open_page(report, width=390, height=844)
+    page.evaluate("document.querySelectorAll('details').forEach(one => one.open = true)")
+    assert page.evaluate("[...document.querySelectorAll('.scroll')].some(one => one.scrollWidth > one.clientWidth)")
+    assert page.evaluate(BEYOND_KEYS) == []

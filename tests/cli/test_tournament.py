@@ -8,7 +8,7 @@ from tests.lean import without_audit, without_depths, without_figure_files, with
 from tracknoise.experiments.entrants import entrants, step_costs
 from tracknoise.experiments.load import load_experiment
 from tracknoise.experiments.plan import plan
-from tracknoise.report.results_file import Results, Round, results_json
+from tracknoise.report.results_file import Results, Round, TrackerResult, read_results, results_json
 from tracknoise.trackers.tracker_registry import load_preset, preset_names
 
 EXPERIMENT = """
@@ -130,3 +130,14 @@ def test_adding_needs_a_file_of_results(tracknoise, experiment):
     code, _, err = tracknoise("tournament", "--add", str(experiment))
     assert code == 1
     assert "--add: found no --to, expected the file of results that trackers are added to" in err
+
+
+def test_trackers_of_one_camera_join_no_round_of_the_other(tracknoise, experiment, tmp_path):
+    second = TrackerResult("second-view", {}, None, None, None, "", {})
+    pairs = Round("", "", {}, {}, {}, 0.1, "trusted", "", {"openvins-stereo": second})
+    to = tmp_path / "all.json"
+    to.write_text(results_json(Results({"pairs": pairs})))
+    code, _, err = tracknoise("tournament", "--add", str(experiment), "--to", str(to))
+    assert code == 0, err
+    assert "round pairs is of errors in the other camera" in err
+    assert list(read_results(to).rounds["pairs"].trackers) == ["openvins-stereo"]

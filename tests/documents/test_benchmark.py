@@ -22,7 +22,7 @@ def test_every_round_is_published_with_every_preset():
 
 def test_the_page_has_what_the_results_say():
     text = (ROOT / "docs" / "benchmark.md").read_text(encoding="utf-8")
-    shown = page(RESULTS, [], {})
+    shown = page(RESULTS, {})
     table = [line for line in shown.splitlines() if line.startswith("|")]
     assert len(table) > 10
     assert all(line in text for line in table)

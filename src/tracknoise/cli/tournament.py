@@ -117,7 +117,7 @@ def _add(
     """Measure trackers in every round of a file of results. Returns the exit status: 2 if a round was left out."""
     from tracknoise.cli.text_table import show
     from tracknoise.exceptions import SettingsError
-    from tracknoise.experiments.entrants import of_round
+    from tracknoise.experiments.entrants import fitting, of_round
     from tracknoise.experiments.load import load_experiment
     from tracknoise.report.results_file import read_results, standings
     from tracknoise.tables.identity import identifiers
@@ -128,12 +128,16 @@ def _add(
     folders = identifiers([*results.rounds])
     left_out = 0
     for name, one in results.rounds.items():
+        chosen = fitting(own, [tracker.kind for tracker in one.trackers.values()])
+        if not chosen:
+            terminal.say(f"note: round {name} is of errors in the other camera: no tracker of {add} takes part")
+            continue
         root = None if data is None or not one.folder else data / one.folder
         if one.folder and (root is None or not root.is_dir()):
             terminal.warn(f"round {name} is left out: its data are {one.folder}, expected in the folder of --data")
             left_out += 1
             continue
-        run, outcome = measure(of_round(one.experiment, name, own, root), out / folders[name])
+        run, outcome = measure(of_round(one.experiment, name, chosen, root), out / folders[name])
         if outcome.failures or not outcome.measured:
             terminal.warn(f"round {name} is left out: {next(iter(outcome.failures.values()), 'nothing was measured')}")
             left_out += 1

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from tracknoise.experiments.settings import (
     parse_experiment,
 )
 from tracknoise.measurement.tracking import TrackerSetup, second_images, start_tracker
+from tracknoise.parsing_child import cpu_time_of_calls
 from tracknoise.sequences import sequence as sequences
 from tracknoise.trackers.tracker import Frame
 from tracknoise.trackers.tracker_registry import load_preset, preset_names
@@ -36,6 +37,12 @@ def entrants(experiment: Experiment) -> list[str]:
     kinds = [kind for kind in _KINDS if kind not in own]
     presets = (name for name in preset_names() if load_preset(name).tracker not in SECOND_CAMERA)
     return [*own, *kinds, *(name for name in presets if name not in own)]
+
+
+def fitting(own: Iterable[TrackerChoice], kinds: Iterable[str]) -> list[TrackerChoice]:
+    """Those of some trackers whose errors are of the same camera as those of trackers of these kinds."""
+    are_of_second = all(kind in SECOND_CAMERA for kind in kinds)
+    return [choice for choice in own if (choice.kind in SECOND_CAMERA) == are_of_second]
 
 
 def of_round(experiment: str, name: str, trackers: Sequence[TrackerChoice], root: Path | None) -> Experiment:
@@ -93,8 +100,13 @@ def step_costs(experiment: Experiment, measured: Collection[str]) -> dict[str, f
 def _cost_ms(setup: TrackerSetup, sequence: sequences.Sequence, images: list[NDArray[np.uint8]], seed: int) -> float:
     read_second = second_images(sequence)
     frames = [Frame(index, image, read_second(index)) for index, image in enumerate(images)]
-    started = time.process_time()
+    started = _cpu_s()
     tracker = start_tracker(setup, sequence, None, seed, len(images))
     for frame in frames:
         tracker.step(frame)
-    return round(1e3 * (time.process_time() - started) / len(frames), 3)
+    return round(1e3 * (_cpu_s() - started) / len(frames), 3)
+
+
+def _cpu_s() -> float:
+    """Time of the processor of this process, and of networks that it runs in another, seconds."""
+    return time.process_time() + cpu_time_of_calls()

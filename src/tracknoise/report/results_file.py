@@ -27,7 +27,9 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.report.scene_results import group_array, scene_results
 from tracknoise.tables.costs import read_costs
 from tracknoise.tables.enumerations import Trust
-from tracknoise.tables.manifest import STATED, SequenceEntry
+from tracknoise.tables.manifest import STATED, SequenceEntry, joined_fit
+from tracknoise.tables.store import RunFolder
+from tracknoise.tables.trust import AssessedTruth
 
 FORMAT = 1
 _USABLE = (Trust.trusted, Trust.limited)
@@ -64,6 +66,33 @@ class TrackerResult:
 
 
 @dataclass(frozen=True, slots=True)
+class StatedPoses:
+    """How wrong the stated poses of a recording are, by those that reference tracks refined.
+
+    Attributes
+    ----------
+    rotation_deg, position_m
+        How errors of relative poses grow, per root frame; null where they are too small to tell.
+    next_px, stated_px
+        What they add to errors of tracks at age 1, and at `age`, px.
+    left_px
+        What is left of that by refined poses, px.
+    age
+        Frames.
+    shares
+        Share of the squared errors of each tracker at `age` that they would make.
+    """
+
+    rotation_deg: float | None
+    position_m: float | None
+    next_px: float | None
+    stated_px: float
+    left_px: float | None
+    age: int | None
+    shares: dict[str, float]
+
+
+@dataclass(frozen=True, slots=True)
 class Round:
     """Data, and what trackers made of them.
 
@@ -83,6 +112,8 @@ class Round:
         Verdict on the truth, and its reason.
     trackers
         By name.
+    stated_poses
+        How wrong they are; null where they are exact, or were not refined.
     """
 
     experiment: str
@@ -94,6 +125,7 @@ class Round:
     truth: str
     why: str
     trackers: dict[str, TrackerResult] = field(default_factory=dict)
+    stated_poses: StatedPoses | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -169,6 +201,24 @@ def round_of(data: ReportData) -> Round:
         truth=str(data.truth.verdict),
         why=data.truth.text,
         trackers=trackers,
+        stated_poses=_stated_poses(data.run),
+    )
+
+
+def _stated_poses(run: RunFolder) -> StatedPoses | None:
+    fit = joined_fit([entry.pose_fit for entry in run.manifest().sequences.values()])
+    if fit is None or fit.stated_px is None:
+        return None
+    growth = fit.stated_errors or {}
+    added, sizes = fit.stated_px**2, AssessedTruth.of_run(run).error_px
+    return StatedPoses(
+        growth.get("rotation_deg_per_sqrt_frame"),
+        growth.get("translation_m_per_sqrt_frame"),
+        fit.next_px,
+        fit.stated_px,
+        fit.left_px,
+        fit.age,
+        {tracker: added / (added + error**2) for tracker, (age, error) in sizes.items() if age == fit.age},
     )
 
 

@@ -1,9 +1,12 @@
 """Windows that a model is fitted with: their tracks determine all poses, however short tracks are."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import polars as pl
 import pytest
 
+from tracknoise.estimators import fit
 from tracknoise.estimators.equivalents import LENGTHS
 from tracknoise.estimators.fit import lengths_of_tracks
 from tracknoise.estimators.linear_window import (
@@ -52,3 +55,22 @@ def test_tracks_alive_in_the_last_frame_are_not_at_risk_there():
     lengths, counts = np.unique(lengths_of_tracks(ends, longest=30), return_counts=True)
     assert lengths.tolist() == [3, 10]
     assert counts.tolist() == [333, 667]
+
+
+def test_windows_are_of_where_the_tracker_itself_found_features():
+    """What else was measured does not change the sigma of a tracker."""
+    every = pl.DataFrame(
+        {
+            "tracker": ["own"] * 60 + ["other"] * 60,
+            "u_birth_px": [10.0] * 60 + [300.0] * 60,
+            "v_birth_px": [20.0] * 120,
+            "depth_m": [2.0] * 60 + [9.0] * 60,
+        }
+    )
+
+    def read(tracker: str, rows: pl.DataFrame = every) -> SimpleNamespace:
+        return SimpleNamespace(tracker=tracker, of_sequence=lambda name, key: rows)
+
+    assert set(fit._sights(read("own"), "key")[:, 2]) == {2.0}
+    assert set(fit._sights(read("other"), "key")[:, 2]) == {9.0}
+    assert len(fit._sights(read("own", every[20:]), "key")) == 100  # of its own there are too few

@@ -78,6 +78,16 @@ def test_another_frame_is_no_other_data(made: Round) -> None:
     joined(joined(Results(), "first", made), "first", replace(made, sequences=other))
 
 
+def test_the_same_frame_of_a_recording_has_the_same_image(made: Round) -> None:
+    """Noise of simulated images depends on the processor."""
+    key = next(iter(made.sequences))
+    frame = made.sequences[key]["image"].partition(":")[0]
+    other = replace(made, sequences={**made.sequences, key: {**made.sequences[key], "image": f"{frame}: abc"}})
+    joined(joined(Results(), "first", replace(made, folder="")), "first", replace(other, folder=""))
+    with pytest.raises(SettingsError, match="round first: image of "):
+        joined(joined(Results(), "first", replace(made, folder="data")), "first", replace(other, folder="data"))
+
+
 def test_refined_poses_rank_nobody(made: Round) -> None:
     refined = {key: {**facts, "poses": "refined"} for key, facts in made.sequences.items()}
     assert standings(made).is_ranked

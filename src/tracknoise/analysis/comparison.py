@@ -65,6 +65,12 @@ class Comparison:
         sides = (self.first, *self.others)
         return tuple(f"{side.name}: {side.truth.sentence}" for side in sides if not side.truth.is_usable)
 
+    @property
+    def truths(self) -> str:
+        """The verdicts on the truths, a sentence."""
+        verdicts = dict.fromkeys(str(side.truth.verdict) for side in (self.first, *self.others))
+        return f"Truth of the runs: {', '.join(verdicts)}."
+
 
 FORMAT = 1
 

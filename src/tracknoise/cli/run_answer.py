@@ -3,8 +3,10 @@
 from collections.abc import Iterable, Sequence
 
 from tracknoise.cli.terminal import wrapped
+from tracknoise.estimators.exports import estimator
 from tracknoise.estimators.run_models import run_models
-from tracknoise.report.answer import accuracy, summarise
+from tracknoise.report.answer import accuracy, noise_to_set, summarise
+from tracknoise.report.answer_plot import why_innovations_differ
 from tracknoise.report.report_data import ReportData
 from tracknoise.tables.enumerations import Verdict
 from tracknoise.topics.factor_topic import changes
@@ -70,10 +72,16 @@ def _flat(told: Iterable[Iterable[str]]) -> list[str]:
 
 
 def _common(data: ReportData) -> str:
-    """For which windows the numbers to set are, and what gates are; empty where windows differ, or there are none."""
+    """For which windows the numbers to set are, and what gates are; empty where windows differ, or there are none.
+
+    Also why innovations differ, of the first tracker of which they do.
+    """
     windows = windows_of_advice(data)
     gates = f"; {ABOUT_GATES[0].lower()}{ABOUT_GATES[1:]}" if has_gates(data) else ""
-    return f"Numbers to set are for {windows}{gates}." if windows else ""
+    held = f"Numbers to set are for {windows}{gates}." if windows else ""
+    landmark = estimator(data.estimator).landmark
+    reasons = (why_innovations_differ(one, landmark) for one in noise_to_set(data))
+    return " ".join(filter(None, [held, next(filter(None, reasons), "")]))
 
 
 def sentences_to_set(data: ReportData) -> list[str]:

@@ -416,12 +416,20 @@ def _recordings(read: TrainingTables, longest: int) -> list[Recording]:
     for scene in (names[place] for place in places):
         key, ends = scene_of[scene], read["ends"].filter(scene=scene)
         ends = ends if ends["n_ended"].to_numpy().sum() >= _LEAST else read["ends"]
-        sights = read.of_sequence("audit_samples", key).select("u_birth_px", "v_birth_px", "depth_m").drop_nulls()
+        sights = _sights(read, key)
         cameras, poses = (read.of_sequence(name, key) for name in ("cameras", "poses"))
         if cameras.height and cameras["fx_px"][0] is not None:
             lifetimes = lengths_of_tracks(ends, longest=longest)
-            found.append(Recording(scene, poses, cameras, sights.to_numpy(), lifetimes, _rig(read, key)))
+            found.append(Recording(scene, poses, cameras, sights, lifetimes, _rig(read, key)))
     return found
+
+
+def _sights(read: TrainingTables, key: str) -> NDArray[np.float64]:
+    """u, v (px) and depth (m) where tracks of a sequence begin, (n, 3); of all trackers where its own are few."""
+    columns = ["u_birth_px", "v_birth_px", "depth_m"]
+    every = read.of_sequence("audit_samples", key).drop_nulls(columns)
+    own = every.filter(tracker=read.tracker)
+    return (own if own.height >= _LEAST else every).select(columns).to_numpy()
 
 
 def _rig(read: TrainingTables, key: str) -> Rig | None:

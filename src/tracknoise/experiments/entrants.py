@@ -41,7 +41,8 @@ def entrants(experiment: Experiment) -> list[str]:
 
 def fitting(own: Iterable[TrackerChoice], kinds: Iterable[str]) -> list[TrackerChoice]:
     """Those of some trackers whose errors are of the same camera as those of trackers of these kinds."""
-    are_of_second = all(kind in SECOND_CAMERA for kind in kinds)
+    of_round = {*kinds}
+    are_of_second = bool(of_round) and of_round <= SECOND_CAMERA
     return [choice for choice in own if (choice.kind in SECOND_CAMERA) == are_of_second]
 
 

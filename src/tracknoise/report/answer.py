@@ -46,7 +46,8 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     for tracker in data.trackers:
         if advice := advised(data, tracker):
             sigma, innovations = (_number(advice[name]) for name in ("sigma", "innovations"))
-            limit = limit_text(advice["sigma"]["kernel"], {name: row["value"] for name, row in advice.items()})
+            factors = {} if is_bound else {name: row["value"] for name, row in advice.items()}
+            limit = limit_text(advice["sigma"]["kernel"], factors)
             window = advice["sigma"]["window"]
             features = int(advice["features"]["value"]) if "features" in advice else None
             cameras, colour = 2 if is_for_both(advice) else 1, data.colour[tracker]

@@ -101,7 +101,9 @@ class AnswerPlot:
         landmark = estimator(name).landmark
         windows = windows_text(landmark, setting.window, setting.features)
         solid = "upper bound" if setting.is_bound else "set"
-        return replace(self, title=_title(setting), why=_why(setting, landmark), windows=windows, solid=solid)
+        return replace(
+            self, title=_title(setting), why=why_innovations_differ(setting, landmark), windows=windows, solid=solid
+        )
 
     @property
     def heading(self) -> str:
@@ -160,8 +162,8 @@ def _title(setting: NoiseToSet) -> str:
     return f"Your innovations suggest {px(innovations)}. Set {px(sigma)}."
 
 
-def _why(setting: NoiseToSet, landmark: Landmark) -> str:
-    """Why innovations are smaller than what to set."""
+def why_innovations_differ(setting: NoiseToSet, landmark: Landmark) -> str:
+    """Why innovations are smaller than what to set, a sentence; empty where they are not, or nothing is known."""
     sigma, innovations = setting.sigma.value or 0.0, setting.innovations.value or 0.0
     if sigma < _ALIKE * innovations:
         return ""

@@ -45,6 +45,9 @@ _FACTORS = (0.5, 2.0)
 _MOST_NAMED = 8
 _VARYING = ("dataset", "lighting", "rotation", "direction", "camera", "speed")
 
+_OF_RESIDUALS = ("residual_sigma", "overconfidence")
+_CHANGED = (ChangeVerdict.worse, ChangeVerdict.better)
+
 
 def effect_words(row: Row | GateRow) -> str:
     """An effect with its interval, if it has one: ``+21 % (+10 to +33)``; a dash without data."""
@@ -98,15 +101,17 @@ def _times(value: float | None) -> str:
 def change_sentences(comparison: Comparison, side: RunSide) -> list[str]:
     """What is worse or better in a run, a sentence for each: first what conclusions name first. Then what is not."""
     rows, names = comparison.rows_of(side), comparison.names(side)
-    found = [row for row in rows if row.verdict in (ChangeVerdict.worse, ChangeVerdict.better)]
+    found = [row for row in rows if row.verdict in _CHANGED]
     found.sort(key=lambda row: row.estimand.wording.is_secondary)
     more = f"The tables have {count(len(found) - _MOST_NAMED, 'more change')}." if len(found) > _MOST_NAMED else ""
     are_ratios = any(row.estimand.unit == Unit.ratio for row in found)
     mean = "Factors and percentages are geometric means over scenes." if are_ratios else ""
+    of_residuals = any(row.estimand.name in _OF_RESIDUALS for row in found)
+    why = "Residuals do not show errors that look like another depth." if of_residuals else ""
     named = varying(rows)
     return [
         *(_effect_sentence(row, names, named) for row in found[:_MOST_NAMED]),
-        *filter(None, [more, *_unchanged(rows), mean]),
+        *filter(None, [why, more, *_unchanged(rows), mean]),
     ]
 
 
@@ -207,10 +212,11 @@ def verdict_cells(comparison: Comparison, side: RunSide) -> list[Cells]:
 
 
 def _by_condition(rows: Sequence[Row], level: float) -> list[tuple[str, str, list[Row]]]:
-    """The rows of each condition, with its name and how its intervals were made."""
+    """The rows of each condition, with its name and how its intervals were made; those that changed come first."""
     named = varying(rows)
     found = {of: [row for row in rows if row.of == of] for of in dict.fromkeys(row.of for row in rows)}
-    return [(condition_words(of, named), intervals_words(shown, level), shown) for of, shown in found.items()]
+    first = sorted(found.items(), key=lambda pair: not any(row.verdict in _CHANGED for row in pair[1]))
+    return [(condition_words(of, named), intervals_words(shown, level), shown) for of, shown in first]
 
 
 def _cells(row: Row) -> list[str]:

@@ -8,6 +8,7 @@ TERMS: Mapping[str, str] = {
     "innovations": "A filter's observations minus its predictions.",
     "track gate": _GATE,
     "observation gate": _GATE,
+    "errors in common": "Errors that all features of a frame share: they do not average out with more features.",
     "knee": "Residual above which a robust loss grows more slowly, in sigmas.",
     "core": "Sigma of the Gaussian with the same median absolute error.",
     "RMS": "Square root of the second moment about zero.",

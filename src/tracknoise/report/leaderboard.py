@@ -133,13 +133,13 @@ class Leaderboard:
         elif equal == n:
             reason = f"the smallest sigma of {n} trackers, of which none is shown to have {_LESS[role]} than another"
         else:
-            of = f"the {equal} of {n} trackers that share the first rank in {_QUANTITY[role]}"
-            reason = f"the smallest sigma of {of}"
+            reason = "the smallest sigma of these"
         setting = to_set.get(first)
         if setting is None or setting.sigma.value is None:
             return f"{first} has {reason}." if equal == 1 else f"{equal} of {n} trackers share the first rank."
         verb = "sigma is at most" if setting.is_bound else "set"
-        return f"{first}: {verb} {setting.sigma.text}. It has {reason}."
+        shared = f" {equal} of {n} trackers share the first rank in {_QUANTITY[role]}." if 1 < equal < n else ""
+        return f"{first}: {verb} {setting.sigma.text}.{shared} It has {reason}."
 
     def why(self, one: Standing, role: str) -> str:
         """From how many trackers one is not distinguished by a statistic."""
@@ -183,9 +183,9 @@ class Leaderboard:
         one = max(ranged, key=lambda candidate: min(candidate.ranks[role][0] - 1, n - candidate.ranks[role][1]))
         best, worst = one.ranks[role]
         margin = f"{100.0 * self.margin:.3g}{SPACE}%"
-        apart = f"{best - 1} shown to be better by more than {margin}, {n - worst} to be worse"
+        apart = f"{best - 1} are shown to be better by more than {margin}, {n - worst} to be worse"
         scenes = count(self.scenes, "scene")
-        return f"Ranks are from {scenes}. {one.tracker} has rank {one.span(role)}: {apart}.{self.disputed}"
+        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {apart}.{self.disputed}"
 
     def cells(self, about: str = "") -> Cells:
         """The same as a plain table, with intervals of sigma, and ranks in brackets. `about`: opens its caption."""

@@ -111,6 +111,7 @@ class Picker:
                 continue
             factors = {f"{gate}_gate": factor for gate, factor in advice.gates.items()}
             factors |= {} if advice.knee is None else {"knee": advice.knee}
+            factors = {} if self.are_bounds else factors
             yield NoiseToSet(
                 tracker,
                 self.colours[tracker],

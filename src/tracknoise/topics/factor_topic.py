@@ -272,15 +272,14 @@ def _sentence(data: RunData, row: dict[str, Any], verdict: Verdict) -> str:
             core = f"Typical errors (core) of {worse} are {size}{bounds} those of {better}"
             return f"{core}; large errors give {better} the larger {rms}."
         than = f" than {worse}" if row["n_levels"] > len(pair) else ""
-        core = f"the core error of {worse} is {size}{bounds} as large"
+        core = f"typical errors (core) of {worse} are {size}{bounds} as large"
         return f"{better} is more accurate{than}: {core} {everywhere}."
     if verdict == Verdict.no:
         return _equal(data, row, pair)
     larger, smaller = row["larger"] or pair[0], _smaller(row)
+    core = f"typical errors (core) of {larger} are {size}{bounds} those of {smaller}"
     if _is_more(row["effect"]) and _is_more(_rms_ratio(data, smaller, larger)):
-        core = f"the core error of {larger} is {size}{bounds} that of {smaller}"
-        return f"Undecided: {core}, but its {rms} is smaller.{disputed}"
-    core = f"the core error of {larger} is {size}{bounds} that of {smaller}"
+        return f"Undecided: {core}, but large errors give {smaller} the larger {rms}.{disputed}"
     return f"It is undecided which is more accurate: {core} {everywhere}.{disputed}"
 
 
@@ -326,10 +325,9 @@ def _at_one_place(data: RunData, row: dict[str, Any]) -> str:
     """Where the trackers differ most clearly, if only a single age (or frame) and coordinate shows it."""
     bound = "" if row["low"] is None else f" ({ratio(row['low'])} or more)"
     where = f"in {row['coordinate']} {data.axis.place(row['at'])}"
-    core = (
-        f"the core error of {row['larger'] or row['level_a']} is {ratio(row['effect'])} times that of {_smaller(row)}"
-    )
-    return f"Undecided overall; {where}, {core}{bound}."
+    larger = row["larger"] or row["level_a"]
+    core = f"typical errors (core) of {larger} are {ratio(row['effect'])} times{bound} those of {_smaller(row)}"
+    return f"Undecided overall; {where}, {core}."
 
 
 def _smaller(row: dict[str, Any]) -> str:
@@ -364,7 +362,7 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
     text = f"Undecided from {scenes}: the {what} of {high} is {ratio(size)} times"
     of_core = not data.truth_is_fitted and shown_size(data)[0] == "core"
     reverse = of_core and _is_more(size) and _is_more(_rms_ratio(data, low, high))
-    end = f", but its {rms_of_tracks(data.trimming)} is smaller." if reverse else "."
+    end = f", but large errors give {low} the larger {rms_of_tracks(data.trimming)}." if reverse else "."
     text += f" that of {low}{end}"
     return Judgement(undecided, text, _SECTION)
 

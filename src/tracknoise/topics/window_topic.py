@@ -301,8 +301,8 @@ def windows_of_advice(data: RunData) -> str:
 
 
 def has_gates(data: RunData) -> bool:
-    """Whether a track gate is among what is to be set."""
-    return any("track_gate" in advised(data, tracker) for tracker in data.trackers)
+    """Whether a track gate is among what is to be set: none is where the truth forbids it."""
+    return data.truth.is_usable and any("track_gate" in advised(data, tracker) for tracker in data.trackers)
 
 
 def sigma_sentence(data: RunData, tracker: str) -> str:
@@ -319,6 +319,7 @@ def sigma_sentence(data: RunData, tracker: str) -> str:
     most = _most(caveat)
     more = f" and a track gate of {number(advice['track_gate']['value'])}" if "track_gate" in advice else ""
     more = f" and a knee of {number(advice['knee']['value'])} sigma" if "knee" in advice else more
+    more = "" if caveat else more  # it is for this sigma, and errors of the truth are no outliers
     both = ", for both cameras" if is_for_both(advice) else ""
     return joined(
         [

@@ -628,7 +628,7 @@ def _in_px(bounds: _Bounds) -> str:
 
 
 def _faults_text(faults: _Named) -> str:
-    """``The focal length is 12 % too long.``, and names of others."""
+    """``The stated focal length is 12 % too long.``, and names of others."""
     others = [f"the {FAULTS[Parameter(row['parameter'])].name}" for row in faults.rows[1:]]
     named = [*others[:_MOST_OTHERS], *(["another parameter"] if len(others) > _MOST_OTHERS else [])]
     more = f" {sentence_case(listing(named))} {'is' if len(others) == 1 else 'are'} wrong too." if others else ""
@@ -657,7 +657,7 @@ def _corrected(evidence: TruthEvidence, faults: _Named) -> str:
         return f"{_CONFIRM}{', and prints the correction' if any(undone) else '. No setting corrects this fault'}."
     if not any(undone):
         return "No setting corrects this: use other poses, and measure again."
-    block = "Apply the corrections that `tracknoise check RUN` prints, and measure again"
+    block = "Apply the corrections that `tracknoise check` prints for the folder of this run, and measure again"
     if not all(undone):
         return f"{block}. No setting corrects the other faults: use other poses."
     return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
@@ -685,7 +685,7 @@ _TOO_FEW = "Too few tracks have a true position for a verdict."
 _CORRECT_DATA = "Correct the data, and measure again."
 _CONFIRM = (
     "Measure the recording with several trackers (`tracknoise run`): a check has one, whose errors can look like this. "
-    "`tracknoise check RUN` then says whether the trackers agree"
+    "`tracknoise check`, with the folder of that run, then says whether the trackers agree"
 )
 _FITTED = (
     "True positions are fitted to the tracks, so that errors of the poses cannot be separated from those of tracks."

@@ -106,7 +106,7 @@ class Estimate:
 
 
 def fault_text(parameter: Parameter, found: Estimate, effect: str, rivals: Mapping[Parameter, float]) -> str:
-    """``The focal length is 12 % too long (523 ± 8 px instead of 585): after its correction, ...``."""
+    """``The stated focal length is 12 % too long (523 ± 8 px instead of 585): after its correction, ...``."""
     return f"{_claim(parameter, found)}: {effect}.{_advice(parameter, found)}{_rivals_text(rivals)}"
 
 
@@ -150,8 +150,8 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
     if parameter in (Parameter.focal_length, Parameter.depth_scale) and value > 0:
         excess = stated / value - 1.0
         words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
-        return f"The {name} is {percent(abs(excess))} {words[excess < 0]}"
-    return f"The {name} is wrong"
+        return f"The stated {name} is {percent(abs(excess))} {words[excess < 0]}"
+    return f"The stated {name} is wrong"
 
 
 _INVERSE_DEPTHS = "The inverse depths are off by a constant, as those of stereo with a wrong disparity"

@@ -22,7 +22,7 @@ function defineTerms() {
   const texts = [];
   while (walker.nextNode()) {
     const within = walker.currentNode.parentElement;
-    if (within.checkVisibility() && !within.closest("h1, h2, option, button, a, svg, .term, tbody th, form")) {
+    if (within.checkVisibility() && !within.closest("h1, h2, select, button, a, svg, .term, tbody th")) {
       texts.push(walker.currentNode);
     }
   }

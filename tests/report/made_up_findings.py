@@ -26,7 +26,7 @@ from tracknoise.truth_faults.pose_accuracy import POSE_LAW, POSE_SHARE, RIGID_SH
 
 BANDS = ((1, 4), (5, 9), (10, 19))
 PROBABILITIES = (0.1, 0.25, 0.5, 0.75, 0.9, 0.99, 0.999)
-AUDITED = "The focal length is 10 % too long (100 ± 2 px instead of 110)."
+AUDITED = "The stated focal length is 10 % too long (100 ± 2 px instead of 110)."
 LIMITED = "Errors of the truth can explain up to 12.0 % of the squared errors."
 FEW = "a test at 5 % needs at least 6 scenes; this one has {} scenes"
 

@@ -176,7 +176,9 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
     row = compared(data, "yes")["dependence"].filter(factor="tracker", statistic="core").row(0, named=True)
     worse = next(name for name in data.trackers if name != row["better"])
     yes = summarise(compared(data, "yes"))
-    assert yes.accuracy.text.startswith(f"{row['better']} is more accurate: the core error of {worse} is 1.50 times")
+    assert yes.accuracy.text.startswith(
+        f"{row['better']} is more accurate: typical errors (core) of {worse} are 1.50 times"
+    )
     assert measure(yes, row["better"], "error").answer.verdict == "yes"
     assert measure(yes, worse, "error").answer.verdict == "no"
     undecided = summarise(compared(data, "undecided"))
@@ -192,7 +194,10 @@ def test_the_better_tracker_is_named_only_where_the_comparison_says_so(data: Rep
             "yes",
             "Typical errors (core) of {b} are 1.50 times (1.20 to 1.90) those of {a}; large errors give {a} the ",
         ),
-        ("undecided", "Undecided: the core error of {b} is 1.50 times (1.20 to 1.90) that of {a}, but its "),
+        (
+            "undecided",
+            "Undecided: typical errors (core) of {b} are 1.50 times (1.20 to 1.90) those of {a}, but large errors ",
+        ),
         ("no", "Typical errors of {x} and {y} are equal within a factor of 1.10; large errors make the "),
     ],
 )
@@ -203,7 +208,7 @@ def test_where_core_and_rms_disagree_both_are_named(data: ReportData, verdict: s
     turned = with_rms(compared(data, verdict), **{names["a"]: 2.0, names["b"]: 1.0})
     text = summarise(turned).accuracy.text
     assert text.startswith(expected.format(**names))
-    ends = {"yes": "", "undecided": "is smaller", "no": "of {a} 2.0 times as large"}
+    ends = {"yes": "", "undecided": "", "no": "of {a} 2.0 times as large"}
     end = f"RMS over the kept tracks {ends[verdict].format(**names)}".rstrip()
     assert text.endswith(f"{end}.")
 
@@ -225,7 +230,9 @@ def test_of_one_scene_the_disagreement_is_told_too(data: ReportData) -> None:
     sizes = {one.tracker: one.measures[0].number.value for one in summarise(bare).cards}
     low = min(sizes, key=sizes.__getitem__)
     turned = with_rms(bare, **{name: 2.0 if name == low else 1.0 for name in sizes})
-    assert summarise(turned).accuracy.text.endswith(f" that of {low}, but its RMS over the kept tracks is smaller.")
+    assert summarise(turned).accuracy.text.endswith(
+        f" that of {low}, but large errors give {low} the larger RMS over the kept tracks."
+    )
     agreed = with_rms(bare, **{name: 1.0 if name == low else 2.0 for name in sizes})
     assert "RMS" not in summarise(agreed).accuracy.text
 
@@ -255,7 +262,7 @@ def test_a_tracker_that_is_better_at_one_age_is_not_more_accurate(data: ReportDa
     worse = next(name for name in data.trackers if name != row["better"])
     found = summarise(everywhere.with_tables(dependence=at_one_age))
     assert found.accuracy.answer.verdict == "undecided"
-    expected = f"Undecided overall; in v at age 7, the core error of {worse} is 1.50 times that of {row['better']} ("
+    expected = f"Undecided overall; in v at age 7, typical errors (core) of {worse} are 1.50 times ("
     assert found.accuracy.text.startswith(expected)
     assert len(re.findall(r"\d[\d.,]*", found.accuracy.text)) <= MOST_NUMBERS
     assert {one.measures[0].answer.verdict for one in found.cards} == {"undecided"}
@@ -477,8 +484,8 @@ def test_the_sigma_to_set_is_that_of_the_estimator_of_the_experiment(data: Repor
 def test_what_to_set_is_an_upper_bound_where_the_truth_is_not_trusted(data: ReportData) -> None:
     found = with_truth(data, "not trusted", **{"lucas-kanade": 0.75})
     assert card(summarise(found), "lucas-kanade").sigma == (
-        "In these scenes, set at most 0.200 px and a track gate of 0.300 in a filter; innovations suggest "
-        "0.100 px. These settings are for windows of 11 frames. The truth is not trusted. The noise of the tracker "
+        "In these scenes, set at most 0.200 px in a filter; innovations suggest 0.100 px. These settings are for "
+        "windows of 11 frames. The truth is not trusted. The noise of the tracker "
         f"alone may be as small as 0.100{SPACE}px."
     )
 

@@ -59,7 +59,8 @@ def test_the_board_has_the_best_first_with_ranges_of_ranks(three: RunFolder) -> 
     assert found.why(first, "core") == "distinguished from all others; shown to be better than 2"
     assert found.why(second, "core") == "not distinguished from 1 of 2 others; shown to be worse than 1"
     assert (
-        "alike has rank 2 to 3: 1 shown to be better by more than 10\N{NO-BREAK SPACE}%, 0 to be worse" in found.reading
+        "Rank 2 to 3, as of alike, means: 1 is shown to be better by more than 10\N{NO-BREAK SPACE}%, 0 to be worse"
+        in found.reading
     )
     assert [row[0] for row in found.cells().rows] == ["best", "alike", "other"]
 
@@ -68,7 +69,8 @@ def test_of_those_that_share_the_first_rank_the_smallest_sigma_leads(three: RunF
     found = leaderboard(ranked(three, {"best": (1, 2), "alike": (1, 2), "other": (3, 3)}))
     assert found is not None
     told = found.leader_with([setting("best", 0.3), setting("alike", 0.2), setting("other", 0.1)]).replace(SPACE, " ")
-    assert told.startswith("alike: set 0.200 px. It has the smallest sigma of the 2 of 3 trackers that share the first")
+    shared = "2 of 3 trackers share the first rank in typical error."
+    assert told == f"alike: set 0.200 px. {shared} It has the smallest sigma of these."
     bound = found.leader_with([setting("best", 0.2, is_bound=True), setting("alike", 0.3, is_bound=True)])
     assert bound.replace(SPACE, " ").startswith("best: sigma is at most 0.200 px.")
     assert found.leader_with([]) == "2 of 3 trackers share the first rank."

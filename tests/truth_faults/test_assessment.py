@@ -166,14 +166,14 @@ def test_depths_that_maps_do_not_repeat_are_established_whatever_the_tracks_say(
 def test_an_established_fault_decides_by_what_it_explains() -> None:
     large = verdict(audit=audit(named=(0.4, 0.3, 0.5)))
     assert large.verdict == Trust.not_trusted
-    assert large.text.startswith("The focal length is 10.0")
-    assert "corrections that `tracknoise check RUN` prints" in large.step
+    assert large.text.startswith("The stated focal length is 10.0")
+    assert "corrections that `tracknoise check` prints" in large.step
     small = verdict(audit=audit(named=(0.04, 0.02, 0.06)))
     assert small.verdict == Trust.limited
-    assert "The focal length is 10.0" in small.text
+    assert "The stated focal length is 10.0" in small.text
     beside = verdict(audit=audit(faults=(0.7, 0.6, 0.8), named=(0.04, 0.02, 0.06)))
     assert beside.verdict == Trust.unknown
-    assert "The focal length is 10.0" in beside.text
+    assert "The stated focal length is 10.0" in beside.text
     assert "no cause is established" not in beside.text
     smoothed = audit(named=(0.4, 0.3, 0.5)).with_columns(pl.col("parameter").replace("focal_length", "smoothing"))
     assert "corrections" not in verdict(audit=smoothed).step  # no setting undoes it
@@ -542,7 +542,7 @@ def test_a_check_has_one_tracker_and_prints_no_corrections() -> None:
     faulty = {"audit": audit(named=(0.4, 0.3, 0.5))}
     of_run, of_check = verdict(**faulty), verdict(**faulty, is_check=True)
     assert of_run.text == of_check.text
-    assert "corrections that `tracknoise check RUN` prints" in of_run.step
+    assert "corrections that `tracknoise check` prints" in of_run.step
     assert "several trackers (`tracknoise run`)" in of_check.step
     assert "corrections that" not in of_check.step
 

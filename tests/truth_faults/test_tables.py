@@ -45,7 +45,7 @@ def exact():
 def test_the_answer_comes_first_with_its_numbers(faulty) -> None:
     first, second = audit_sentences(faulty.audit)[:2]
     pattern = (
-        rf"The focal length is 1[34]\.\d{SPACE}% too long \(46\d(\.\d+)? ± [\d.]+{SPACE}px instead of 525\): "
+        rf"The stated focal length is 1[34]\.\d{SPACE}% too long \(46\d(\.\d+)? ± [\d.]+{SPACE}px instead of 525\): "
         r"after its correction, "
         r"the (mean error|second moment) .* falls from .*\."
     )

@@ -183,9 +183,9 @@ class Leaderboard:
         one = max(ranged, key=lambda candidate: min(candidate.ranks[role][0] - 1, n - candidate.ranks[role][1]))
         best, worst = one.ranks[role]
         margin = f"{100.0 * self.margin:.3g}{SPACE}%"
-        apart = f"{best - 1} are shown to be better by more than {margin}, {n - worst} to be worse"
+        better = f"{best - 1} {'is' if best == 2 else 'are'} shown to be better by more than {margin}"
         scenes = count(self.scenes, "scene")
-        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {apart}.{self.disputed}"
+        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {better}, {n - worst} to be worse.{self.disputed}"
 
     def cells(self, about: str = "") -> Cells:
         """The same as a plain table, with intervals of sigma, and ranks in brackets. `about`: opens its caption."""

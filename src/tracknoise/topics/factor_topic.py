@@ -368,9 +368,9 @@ def _unproven(data: RunData, errors: dict[str, Measure | None]) -> Judgement:
 
 
 def _core_or_rms(data: RunData) -> str:
-    """What the cards call the size of errors."""
+    """The size of errors that is compared."""
     name, axis = shown_size(data)
-    return f"{'core error' if name == 'core' else rms_of_tracks(data.trimming)} in {axis}"
+    return f"{'typical error (core)' if name == 'core' else rms_of_tracks(data.trimming)} in {axis}"
 
 
 def changes(data: RunData) -> list[str]:

@@ -151,7 +151,7 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
         excess = stated / value - 1.0
         words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
         return f"The stated {name} is {percent(abs(excess))} {words[excess < 0]}"
-    return f"The stated {name} is wrong"
+    return f"The {name} is wrong"
 
 
 _INVERSE_DEPTHS = "The inverse depths are off by a constant, as those of stereo with a wrong disparity"

@@ -185,7 +185,8 @@ class Leaderboard:
         margin = f"{100.0 * self.margin:.3g}{SPACE}%"
         better = f"{best - 1} {'is' if best == 2 else 'are'} shown to be better by more than {margin}"
         scenes = count(self.scenes, "scene")
-        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {better}, {n - worst} to be worse.{self.disputed}"
+        means = f"{better}, {n - worst} to be worse"
+        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {means}.{self.disputed}"
 
     def cells(self, about: str = "") -> Cells:
         """The same as a plain table, with intervals of sigma, and ranks in brackets. `about`: opens its caption."""

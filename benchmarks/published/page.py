@@ -31,7 +31,11 @@ tracknoise tournament --add mine.toml --to docs/benchmark.json --data /data
 measures the trackers of `mine.toml` in every round, ranks them among the others, and writes them into the file. Rounds
 of recordings need their folders in that of `--data`. Other data, truth, settings or versions of libraries are refused.
 
-All of it again: `python -m benchmarks.published FOLDER --data /data`, with the rounds of `benchmarks/published`.
+`xfeat` are keypoints of a network, matched by its descriptors or followed by Lucas-Kanade. `benchmarks/xfeat.toml` has
+their settings, and `python -m benchmarks.xfeat` makes the file of the network.
+
+All of it again: `python -m benchmarks.published FOLDER --data /data --learned WHEEL`, with the rounds of
+`benchmarks/published`.
 """
 _EXAMPLE = "lucas-kanade"
 EN_DASH = "\N{EN DASH}"

@@ -1,6 +1,7 @@
 """A file of results: others add their trackers, and what is not comparable is refused."""
 
 import json
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,12 +13,14 @@ from tracknoise.report.report_data import ReportData
 from tracknoise.report.results_file import (
     Results,
     Round,
+    StatedPoses,
     joined,
     read_results,
     results_json,
     round_of,
     standings,
 )
+from tracknoise.tables.manifest import PoseFit
 from tracknoise.tables.store import RunFolder
 
 
@@ -86,6 +89,17 @@ def test_the_same_frame_of_a_recording_has_the_same_image(made: Round) -> None:
     joined(joined(Results(), "first", replace(made, folder="")), "first", replace(other, folder=""))
     with pytest.raises(SettingsError, match="round first: image of "):
         joined(joined(Results(), "first", replace(made, folder="data")), "first", replace(other, folder="data"))
+
+
+def test_results_say_how_wrong_stated_poses_are(make_run: Callable[..., RunFolder], tmp_path: Path) -> None:
+    run = RunFolder(Path(shutil.copytree(make_run(scenes=tuple("ab"), n_frames=8, born=30).path, tmp_path / "run")))
+    assert round_of(ReportData.of(run)).stated_poses is None
+    growth = {"rotation_deg_per_sqrt_frame": 0.05, "translation_m_per_sqrt_frame": 0.002}
+    fit = PoseFit(True, 300.0, left_px=0.1, stated_px=1.5, age=10, next_px=0.4, stated_errors=growth)
+    manifest = run.manifest()
+    manifest.sequences = {key: replace(entry, pose_fit=fit) for key, entry in manifest.sequences.items()}
+    run.write_manifest(manifest)
+    assert round_of(ReportData.of(run)).stated_poses == StatedPoses(0.05, 0.002, 0.4, 1.5, 0.1, 10)
 
 
 def test_refined_poses_rank_nobody(made: Round) -> None:

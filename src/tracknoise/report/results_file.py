@@ -29,7 +29,6 @@ from tracknoise.tables.costs import read_costs
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.manifest import STATED, SequenceEntry, joined_fit
 from tracknoise.tables.store import RunFolder
-from tracknoise.tables.trust import AssessedTruth
 
 FORMAT = 1
 _USABLE = (Trust.trusted, Trust.limited)
@@ -79,8 +78,6 @@ class StatedPoses:
         What is left of that by refined poses, px.
     age
         Frames.
-    shares
-        Share of the squared errors of each tracker at `age` that they would make.
     """
 
     rotation_deg: float | None
@@ -89,7 +86,6 @@ class StatedPoses:
     stated_px: float
     left_px: float | None
     age: int | None
-    shares: dict[str, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +206,6 @@ def _stated_poses(run: RunFolder) -> StatedPoses | None:
     if fit is None or fit.stated_px is None:
         return None
     growth = fit.stated_errors or {}
-    added, sizes = fit.stated_px**2, AssessedTruth.of_run(run).error_px
     return StatedPoses(
         growth.get("rotation_deg_per_sqrt_frame"),
         growth.get("translation_m_per_sqrt_frame"),
@@ -218,7 +213,6 @@ def _stated_poses(run: RunFolder) -> StatedPoses | None:
         fit.stated_px,
         fit.left_px,
         fit.age,
-        {tracker: added / (added + error**2) for tracker, (age, error) in sizes.items() if age == fit.age},
     )
 
 

@@ -147,12 +147,6 @@ class AssessedTruth:
         bounds = shares.agg(pl.col("low").max().fill_null(0.0), pl.col("high").max())
         return {cause: (low, high) for cause, low, high in bounds.iter_rows()}
 
-    @property
-    def error_px(self) -> dict[str, tuple[int, float]]:
-        """An age of each tracker, and the core of its errors there, both coordinates, px."""
-        rows = self.rows.filter(pl.col("cause") == TruthCause.every).drop_nulls(["tracker", "age", "error_px"])
-        return {tracker: (age, px) for tracker, age, px in rows.select("tracker", "age", "error_px").iter_rows()}
-
     def explained_share(self, tracker: str) -> float | None:
         """Largest share of the squared errors of a tracker that the truth can explain; None where it is not bounded."""
         rows = self.rows.filter(pl.col("cause") == TruthCause.every, tracker=tracker)

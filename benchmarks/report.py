@@ -142,6 +142,7 @@ _SEEN = """(() => {
   const shown = [...document.querySelectorAll(parts)]
     .filter((one) => !one.querySelector("select") && !one.parentElement.closest("p, td, th, h2"));
   const first = shown.map((one) => one.textContent).join(" ");
+  const beside = shown.filter((one) => !one.closest(".board")).map((one) => one.textContent).join(" ");
   const open = [...document.querySelectorAll("section.open")];
   const numbers = (words) => (words.match(/(?<![\\w.])\\d[\\d,.]*/g) ?? []).length;
   const words = (all) => all.split(/\\s+/).filter((word) => /\\w/.test(word)).length;
@@ -149,6 +150,8 @@ _SEEN = """(() => {
   return {
     "words on the first screen": words(first),
     "numbers on the first screen": numbers(first),
+    "words beside the leaderboard": words(beside),
+    "numbers beside the leaderboard": numbers(beside),
     "undecided on the first screen": (first.match(/undecided/gi) ?? []).length,
     "open sections": open.length + 1,
     "open figures": document.querySelectorAll("section.open figure, .first figure").length,

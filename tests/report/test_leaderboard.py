@@ -69,8 +69,8 @@ def test_of_those_that_share_the_first_rank_the_smallest_sigma_leads(three: RunF
     found = leaderboard(ranked(three, {"best": (1, 2), "alike": (1, 2), "other": (3, 3)}))
     assert found is not None
     told = found.leader_with([setting("best", 0.3), setting("alike", 0.2), setting("other", 0.1)]).replace(SPACE, " ")
-    shared = "2 of 3 trackers share the first rank in typical error."
-    assert told == f"alike: set 0.200 px. {shared} It has the smallest sigma of these."
+    shared = "2 of 3 trackers share the first rank in typical error;"
+    assert told == f"alike: set 0.200 px. {shared} alike has the smallest sigma of these."
     bound = found.leader_with([setting("best", 0.2, is_bound=True), setting("alike", 0.3, is_bound=True)])
     assert bound.replace(SPACE, " ").startswith("best: sigma is at most 0.200 px.")
     assert found.leader_with([]) == "2 of 3 trackers share the first rank."

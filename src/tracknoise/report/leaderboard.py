@@ -138,8 +138,10 @@ class Leaderboard:
         if setting is None or setting.sigma.value is None:
             return f"{first} has {reason}." if equal == 1 else f"{equal} of {n} trackers share the first rank."
         verb = "sigma is at most" if setting.is_bound else "set"
-        shared = f" {equal} of {n} trackers share the first rank in {_QUANTITY[role]}." if 1 < equal < n else ""
-        return f"{first}: {verb} {setting.sigma.text}.{shared} It has {reason}."
+        subject = "It"
+        if 1 < equal < n:
+            subject = f"{equal} of {n} trackers share the first rank in {_QUANTITY[role]}; {first}"
+        return f"{first}: {verb} {setting.sigma.text}. {subject} has {reason}."
 
     def why(self, one: Standing, role: str) -> str:
         """From how many trackers one is not distinguished by a statistic."""

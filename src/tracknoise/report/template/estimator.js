@@ -146,6 +146,7 @@ class Chooser {
     if (list.length) {
       window.value = list[0].window;
     }
+    document.dispatchEvent(new Event("rewritten"));
   }
 
   pick(name) {

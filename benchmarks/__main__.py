@@ -30,6 +30,7 @@ _TOOLS = {
         "proof_resampled",
     ),
     *("window_sigmas", "window_table"),
+    "xfeat",
 }
 """Modules that measure no time and no memory."""
 

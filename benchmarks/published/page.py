@@ -33,7 +33,7 @@ measures the trackers of `mine.toml` in every round, ranks them among the others
 of recordings need their folders in that of `--data`. Other data, truth, settings or versions of libraries are refused.
 
 `xfeat` are keypoints of a network, matched by its descriptors or followed by Lucas-Kanade. `benchmarks/xfeat.toml` has
-their settings, and `python -m benchmarks.xfeat` makes the file of the network.
+their settings, and `benchmarks/xfeat.py` makes the file of the network.
 
 All of it again: `python -m benchmarks.published FOLDER --data /data --learned WHEEL`, with the rounds of
 `benchmarks/published`.

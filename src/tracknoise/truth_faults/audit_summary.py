@@ -149,8 +149,9 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
     name = FAULTS[parameter].name
     if parameter in (Parameter.focal_length, Parameter.depth_scale) and value > 0:
         excess = stated / value - 1.0
-        words = ("too long", "too short") if parameter is Parameter.focal_length else ("too large", "too small")
-        return f"The stated {name} is {percent(abs(excess))} {words[excess < 0]}"
+        is_focal = parameter is Parameter.focal_length
+        words = ("too long", "too short") if is_focal else ("too large", "too small")
+        return f"The {'stated ' if is_focal else ''}{name} is {percent(abs(excess))} {words[excess < 0]}"
     return f"The {name} is wrong"
 
 

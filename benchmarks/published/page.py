@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from statistics import fmean
 
-from tracknoise.report.results_file import Results, Round, standings
+from tracknoise.report.results_file import Results, Round, StatedPoses, standings
 from tracknoise.words import DASH, listing, number, percent, pixels
 
 _ABOUT = """# Benchmark
@@ -49,7 +49,7 @@ def page(results: Results, abouts: Mapping[str, str]) -> str:
     """
     rounds = dict(sorted(results.rounds.items(), key=lambda pair: (bool(pair[1].folder), pair[0])))
     parts = [_ABOUT.format(best=_best(rounds)), _sigmas(rounds), _data(abouts)]
-    known = {name: one for name, one in rounds.items() if one.stated_poses is not None}
+    known = {name: (poses, one) for name, one in rounds.items() if (poses := one.stated_poses) is not None}
     parts += [_TRUTHS, _truths(known)] if known else []
     return "\n".join([*parts, _ADD, _made(results)])
 
@@ -90,8 +90,7 @@ def _ranked_sigmas(of: Round) -> dict[str, str]:
     return shown
 
 
-def _truths(known: Mapping[str, Round]) -> str:
-    of_poses = {name: (one.stated_poses, _share(one)) for name, one in known.items()}
+def _truths(known: Mapping[str, tuple[StatedPoses, Round]]) -> str:
     rows = [
         [
             name,
@@ -100,21 +99,20 @@ def _truths(known: Mapping[str, Round]) -> str:
             pixels(poses.next_px),
             pixels(poses.stated_px),
             pixels(poses.left_px),
-            percent(share),
+            percent(_share(poses, one)),
         ]
-        for name, (poses, share) in of_poses.items()
-        if poses is not None
+        for name, (poses, one) in known.items()
     ]
-    ages = {poses.age for poses, _ in of_poses.values() if poses is not None and poses.age is not None}
+    ages = {poses.age for poses, _ in known.values() if poses.age is not None}
     at = f"age {ages.pop()}" if len(ages) == 1 else "the reference age"
     headings = ["recording", "degrees", "metres", "px at age 1", f"px at {at}", "px left when refined"]
     return _table([*headings, "share"], rows)
 
 
-def _share(of: Round) -> float | None:
+def _share(poses: StatedPoses, of: Round) -> float | None:
     """Share of stated poses in squared errors: both coordinates of `_EXAMPLE`, as large as its core, and theirs."""
-    poses, tracker = of.stated_poses, of.trackers.get(_EXAMPLE)
-    if poses is None or tracker is None or poses.age is None:
+    tracker = of.trackers.get(_EXAMPLE)
+    if tracker is None or poses.age is None:
         return None
     cores = [core for one in tracker.scenes.values() if (core := one.core[poses.age - 1]) is not None]
     added = poses.stated_px**2

@@ -46,8 +46,8 @@ def noise_to_set(data: ReportData) -> Iterator[NoiseToSet]:
     for tracker in data.trackers:
         if advice := advised(data, tracker):
             sigma, innovations = (_number(advice[name]) for name in ("sigma", "innovations"))
-            factors = {} if is_bound else {name: row["value"] for name, row in advice.items()}
-            limit = limit_text(advice["sigma"]["kernel"], factors)
+            factors = {name: row["value"] for name, row in advice.items()}
+            limit = limit_text(advice["sigma"]["kernel"], factors, is_bound=is_bound)
             window = advice["sigma"]["window"]
             features = int(advice["features"]["value"]) if "features" in advice else None
             cameras, colour = 2 if is_for_both(advice) else 1, data.colour[tracker]
@@ -64,7 +64,7 @@ def number_of(value: float, low: float | None, high: float | None) -> Number:
     return Number(value, low, high, px(value), interval)
 
 
-def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
+def limit_text(kernel: str | None, factors: Mapping[str, float], *, is_bound: bool = False) -> str:
     """A robust loss with its knee in sigmas, or a gate as a factor on the quantile of chi-square; empty without either.
 
     Parameters
@@ -73,7 +73,11 @@ def limit_text(kernel: str | None, factors: Mapping[str, float]) -> str:
         Name of the robust loss; None for least squares.
     factors
         By name; `track_gate`, `observation_gate` and `knee` count.
+    is_bound
+        Whether sigma is at most what stands beside them: then nothing belongs to it.
     """
+    if is_bound:
+        return ""
     if kernel is not None and "knee" in factors:
         return f"{kernel.title()} loss, knee {number(factors['knee'])} sigma"
     gates = [

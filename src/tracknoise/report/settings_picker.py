@@ -111,7 +111,6 @@ class Picker:
                 continue
             factors = {f"{gate}_gate": factor for gate, factor in advice.gates.items()}
             factors |= {} if advice.knee is None else {"knee": advice.knee}
-            factors = {} if self.are_bounds else factors
             yield NoiseToSet(
                 tracker,
                 self.colours[tracker],
@@ -119,7 +118,7 @@ class Picker:
                 advice.features,
                 number_of(advice.sigma.value, advice.sigma.low, advice.sigma.high),
                 self.are_bounds,
-                limit_text(None if advice.kernel is None else advice.kernel.value, factors),
+                limit_text(None if advice.kernel is None else advice.kernel.value, factors, is_bound=self.are_bounds),
                 number_of(innovations.value, None, None),
                 1 if model.of_both is None else 2,
             )

@@ -41,7 +41,10 @@ class StereoPair:
 
     def rays(self, first_uv: Array, second_uv: Array) -> PairRays:
         """(pair.rays) of positions (n, 2) in both images, px; NaN where one has no ray."""
-        unit, other = (_unit(camera.bearings(uv)) for camera, uv in ((self.first, first_uv), (self.second, second_uv)))
+        return self.of_rays(unit_rays(self.first, first_uv), unit_rays(self.second, second_uv))
+
+    def of_rays(self, unit: Array, other: Array) -> PairRays:
+        """(pair.rays) of unit rays (n, 3) in the frames of both cameras."""
         seen, t = other @ self.first_from_second[:3, :3].T, self.first_from_second[:3, 3]
         towards = (unit @ t)[:, None] * unit - t
         length = np.linalg.norm(towards, axis=1)
@@ -81,11 +84,13 @@ class StereoPair:
 
     def px_per_angle(self, second_uv: Array) -> Array:
         """(n,): pixels of the second camera for a unit of angle, at positions (n, 2)."""
-        rays = _unit(self.second.bearings(second_uv))
+        rays = unit_rays(self.second, second_uv)
         turned = (self.second.project(rays + _UNIT_ANGLE * np.cross(axis, rays)) for axis in np.eye(3))
         squares = sum(np.sum((uv - second_uv) ** 2, axis=1) for uv in turned)
         return np.asarray(np.sqrt(squares / 2.0) / _UNIT_ANGLE)
 
 
-def _unit(rays: Array) -> Array:
+def unit_rays(camera: CameraModel, uv: Array) -> Array:
+    """(n, 3): unit rays of positions (n, 2), px; NaN where one has no ray."""
+    rays = camera.bearings(uv)
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))

@@ -24,7 +24,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert
-from tracknoise.geometry.stereo_pair import StereoPair
+from tracknoise.geometry.stereo_pair import PairRays, StereoPair, unit_rays
 from tracknoise.sequences.second_camera import pair_of, second_image
 from tracknoise.sequences.sequence import SecondCamera, Sequence, camera_at, second_of
 from tracknoise.sequences.stereo import StereoDepth
@@ -89,24 +89,49 @@ class _Points:
         return float(np.nanmedian(length)) if np.isfinite(length).any() else 0.0
 
 
-def _residuals_px(rig: StereoPair, points: _Points, fault: Array) -> tuple[Array, Array, Array]:
+class _Sights:
+    """Points in both cameras of a rig. Their rays are computed once: with a distortion these take most of the time."""
+
+    def __init__(self, rig: StereoPair, points: _Points) -> None:
+        self.rig, self.points = rig, points
+        self._moves = np.nan_to_num(points.moves)
+        self._second: dict[float, Array] = {}
+
+    @cached_property
+    def per_angle(self) -> Array:
+        """(n,): pixels of the second camera for a unit of angle."""
+        return self.rig.px_per_angle(self.points.second_uv)
+
+    @cached_property
+    def _first(self) -> Array:
+        return unit_rays(self.rig.first, self.points.first_uv)
+
+    def rays(self, undone: StereoPair, delay: float) -> PairRays:
+        """Those of a rig with the same cameras, whose second one took its images this many frames later."""
+        if delay not in self._second:
+            kept = list(self._second.items())[-1:]  # beside the one that a derivative by the delay needs
+            own = unit_rays(self.rig.second, self.points.second_uv - delay * self._moves)
+            self._second = dict([*kept, (delay, own)])
+        return undone.of_rays(self._first, self._second[delay])
+
+
+def _residuals_px(seen: _Sights, fault: Array) -> tuple[Array, Array, Array]:
     """(rig.residual), px, with a fault undone: across and along, NaN without a depth; and the parallax.
 
     This is negative where a point is behind the cameras.
     """
-    moved = rig.first_from_second.copy()
+    moved = seen.rig.first_from_second.copy()
     moved[:3, :3] = moved[:3, :3] @ Rotation.from_rotvec(fault[:3]).as_matrix()
     moved[:3, 3] *= np.exp(fault[3])
-    undone = replace(rig, first_from_second=moved)
-    rays = undone.rays(points.first_uv, points.second_uv - fault[4] * np.nan_to_num(points.moves))
-    per_angle = rig.px_per_angle(points.second_uv)
-    expected = undone.parallax(rays, points.inverse_m * rays.unit[:, 2])
-    return per_angle * rays.across, per_angle * (rays.parallax - expected), per_angle * rays.parallax
+    undone = replace(seen.rig, first_from_second=moved)
+    rays = seen.rays(undone, float(fault[4]))
+    expected = undone.parallax(rays, seen.points.inverse_m * rays.unit[:, 2])
+    return seen.per_angle * rays.across, seen.per_angle * (rays.parallax - expected), seen.per_angle * rays.parallax
 
 
-def _misfit_px(rig: StereoPair, points: _Points, fault: Array = np.zeros(5)) -> float:  # noqa: B008
+def _misfit_px(seen: _Sights, fault: Array = np.zeros(5)) -> float:  # noqa: B008
     """Median distance of points from where they can be, px: in front of both cameras, at their depth if known."""
-    across, along, parallax = _residuals_px(rig, points, fault)
+    across, along, parallax = _residuals_px(seen, fault)
     return float(np.nanmedian(np.hypot(across, np.where(np.isnan(along), np.minimum(parallax, 0.0), along))))
 
 
@@ -123,8 +148,9 @@ def second_camera(sequence: Sequence) -> Item | None:
     if len(points.frame) < _FEWEST_POINTS or len(np.unique(points.frame)) < _FEWEST_FRAMES:
         text = "The second camera cannot be checked: too few points are seen by both."
         return Item(TOPIC, Severity.unknown, text, {"n_points": len(points.frame)})
-    fitted, given_px = _Fitted.of(pair.rig, points), _misfit_px(pair.rig, points)
-    undone = [(_misfit_px(one, points), name) for name, one in pair.mistakes()]
+    seen = _Sights(pair.rig, points)
+    fitted, given_px = _Fitted.of(seen), _misfit_px(seen)
+    undone = [(_misfit_px(_Sights(one, points)), name) for name, one in pair.mistakes()]
     least_px = min(undone)[0]
     if given_px > _MOST_PX and least_px <= min(_MOST_GAIN * given_px, fitted.left_px / _ALIKE):
         names = [name for px, name in undone if px <= least_px / _ALIKE]
@@ -253,53 +279,58 @@ class _Fitted:
     left_px: float  # median residual with them undone
 
     @classmethod
-    def of(cls, rig: StereoPair, points: _Points) -> "_Fitted":
+    def of(cls, seen: _Sights) -> "_Fitted":
         """Add the fault that explains most, as long as one is clear that is not alike to those before."""
         possible = [_Fault.turn]
-        possible += [_Fault.scale] if np.isfinite(points.inverse_m).sum() >= _FEWEST_POINTS else []
-        possible += [_Fault.delay] if points.moves_px > _LEAST_MOVES_PX else []
-        scale_px = max(_fit(rig, points, possible)[1], _LEAST_PX)
+        possible += [_Fault.scale] if np.isfinite(seen.points.inverse_m).sum() >= _FEWEST_POINTS else []
+        possible += [_Fault.delay] if seen.points.moves_px > _LEAST_MOVES_PX else []
+        scale_px = max(_fit(seen, possible)[1], _LEAST_PX)
         faults: dict[_Fault, tuple[_Fault, ...]] = {}
-        now = cls(faults, np.zeros(5), np.zeros(5), _misfit_px(rig, points))
-        cost = _cost(rig, points, now.value, scale_px)
+        now = cls(faults, np.zeros(5), np.zeros(5), _misfit_px(seen))
+        cost = _cost(seen, now.value, scale_px)
         while rest := [fault for fault in possible if fault not in {*faults, *chain.from_iterable(faults.values())}]:
-            tried = {fault: _fit(rig, points, [*faults, fault], scale_px)[0] for fault in rest}
-            gains = {fault: cost - _cost(rig, points, value, scale_px) for fault, value in tried.items()}
+            tried = {fault: _fit(seen, [*faults, fault], scale_px)[0] for fault in rest}
+            gains = {fault: cost - _cost(seen, value, scale_px) for fault, value in tried.items()}
             best = max(rest, key=lambda fault: gains[fault])
-            sigma = _jackknife(rig, points, [*faults, best], tried[best], scale_px)
-            if not _counts(best, tried[best], sigma, points, rig):
+            if not _matters(best, tried[best], seen):
+                break
+            sigma, places = _jackknife(seen, [*faults, best], tried[best], scale_px), _PLACES[best]
+            if not (np.abs(tried[best][places]) > _SIGMAS * sigma[places]).any():
                 break
             faults[best] = tuple(one for one in rest if one is not best and gains[one] >= _ALIKE * gains[best])
-            now = cls(faults, tried[best], sigma, _misfit_px(rig, points, tried[best]))
+            now = cls(faults, tried[best], sigma, _misfit_px(seen, tried[best]))
             cost -= gains[best]
         return now
 
 
-def _residuals(rig: StereoPair, points: _Points, fault: Array) -> Array:
+def _residuals(seen: _Sights, fault: Array) -> Array:
     """Both residuals of all points; 0 of pixels without a ray, and of points at the epipole."""
-    across, along, _ = _residuals_px(rig, points, fault)
-    return np.asarray(np.nan_to_num(np.concatenate([across, along[np.isfinite(points.inverse_m)]])))
+    across, along, _ = _residuals_px(seen, fault)
+    return np.asarray(np.nan_to_num(np.concatenate([across, along[np.isfinite(seen.points.inverse_m)]])))
 
 
-def _cost(rig: StereoPair, points: _Points, fault: Array, scale_px: float) -> float:
-    return float(np.log1p((_residuals(rig, points, fault) / scale_px) ** 2).sum())
+def _cost(seen: _Sights, fault: Array, scale_px: float) -> float:
+    return float(np.log1p((_residuals(seen, fault) / scale_px) ** 2).sum())
 
 
 def _fit(
-    rig: StereoPair, points: _Points, faults: Iterable[_Fault], scale_px: float | None = None
+    seen: _Sights,
+    faults: Iterable[_Fault],
+    scale_px: float | None = None,
+    start: Array = np.zeros(5),  # noqa: B008
 ) -> tuple[Array, float]:
     """Some faults, (5,), that fit best, and the median residual; its own scale is found where none is given, px."""
     free = np.concatenate([np.arange(5)[_PLACES[fault]] for fault in faults])
-    value, left_px = np.zeros(5), _misfit_px(rig, points)
+    value, left_px = start, _misfit_px(seen)
 
     def residuals(part: Array) -> Array:
-        return np.concatenate([_residuals(rig, points, _placed(free, part)), part])
+        return np.concatenate([_residuals(seen, _placed(free, part)), part])
 
     for _ in range(1 if scale_px else _ROUNDS):
         used_px = scale_px or max(left_px, _LEAST_PX)
         found = least_squares(residuals, value[free] / _PRIOR[free], loss="cauchy", f_scale=used_px)
         value = _placed(free, found.x)
-        left_px = _misfit_px(rig, points, value)
+        left_px = _misfit_px(seen, value)
     return value, left_px
 
 
@@ -309,21 +340,19 @@ def _placed(free: NDArray[np.intp], part: Array) -> Array:
     return value
 
 
-def _jackknife(rig: StereoPair, points: _Points, faults: list[_Fault], value: Array, scale_px: float) -> Array:
-    frames = np.unique(points.frame)
-    without = np.array([_fit(rig, points.chosen(points.frame != one), faults, scale_px)[0] for one in frames])
+def _jackknife(seen: _Sights, faults: list[_Fault], value: Array, scale_px: float) -> Array:
+    frames = np.unique(seen.points.frame)
+    parts = (_Sights(seen.rig, seen.points.chosen(seen.points.frame != one)) for one in frames)
+    without = np.array([_fit(part, faults, scale_px, value)[0] for part in parts])
     return np.asarray(np.sqrt((len(frames) - 1) / len(frames) * np.sum((without - value) ** 2, axis=0)))
 
 
-def _counts(fault: _Fault, value: Array, sigma: Array, points: _Points, rig: StereoPair) -> bool:
-    """Whether a fault is clear, and large enough to matter."""
-    places = _PLACES[fault]
-    if not (np.abs(value[places]) > _SIGMAS * sigma[places]).any():
-        return False
-    length = float(np.linalg.norm(value[places]))
+def _matters(fault: _Fault, value: Array, seen: _Sights) -> bool:
+    """Whether a fault is large enough to matter."""
+    length = float(np.linalg.norm(value[_PLACES[fault]]))
     if fault is _Fault.turn:
-        return length * float(np.nanmedian(rig.px_per_angle(points.second_uv))) > _LEAST_TURN_PX
-    return length > _LEAST_SCALE if fault is _Fault.scale else length * points.moves_px > _LEAST_DELAY_PX
+        return length * float(np.nanmedian(seen.per_angle)) > _LEAST_TURN_PX
+    return length > _LEAST_SCALE if fault is _Fault.scale else length * seen.points.moves_px > _LEAST_DELAY_PX
 
 
 def _of_mistake(pair: _Pair, names: list[str], given_px: float, undone_px: float) -> Item:

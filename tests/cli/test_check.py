@@ -286,6 +286,30 @@ def test_init_replaces_no_file_unless_it_is_told_to(tracknoise, recording, tmp_p
     assert tracknoise("init", str(recording), "--out", str(file), "--force")[0] == 0
 
 
+def test_an_experiment_file_is_checked_as_it_corrects_its_recordings(tracknoise, recording, tmp_path):
+    file = tmp_path / "mine.toml"
+    late = json.loads((recording / "walk" / "camera.json").read_text())
+    wrong = tmp_path / "data" / "walk"
+    shutil.copytree(recording / "walk", wrong)
+    (wrong / "camera.json").write_text(json.dumps({**late, "fx": 1.25 * late["fx"], "fy": 1.25 * late["fy"]}))
+    corrected = f"[truth.corrections]\nfocal_scale = {1 / 1.25}\n"
+    dataset = '[dataset]\nreader = "folder"\nroot = "data"\nmax_frames = 12\n'
+    text = f'name = "mine"\n{dataset}{{}}[[trackers]]\nkind = "patch"\n'
+    file.write_text(text.format(""))
+    said = tracknoise("check", str(file), "--json", "--quiet")
+    file.write_text(text.format(corrected))
+    mended = tracknoise("check", str(file), "--json", "--quiet")
+    lengths = [
+        next(item["text"] for item in json.loads(out)["sequences"][0]["items"] if item["topic"] == "intrinsics")
+        for _, out, _ in (said, mended)
+    ]
+    assert f"{1.25 * late['fx']:.1f} px" in lengths[0]
+    assert f"{late['fx']:.1f} px" in lengths[1]
+    assert "12 images" in mended[1]
+    code, _, err = tracknoise("check", str(file), "--trajectory", "other.txt")
+    assert (code, "--trajectory" in err) == (1, True)
+
+
 @pytest.mark.usefixtures("without_clock")
 def test_a_run_says_what_it_changed_in_the_verdict_of_a_check(tracknoise, recording, checked, tmp_path):
     document = tmp_path / "check.json"

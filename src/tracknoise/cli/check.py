@@ -34,7 +34,10 @@ def check(
     context: typer.Context,
     recording: Annotated[
         list[str],
-        typer.Argument(metavar="[READER] PATH", help="Recording, whose format may come first, or folder of a run."),
+        typer.Argument(
+            metavar="[READER] PATH",
+            help="Recording, whose format may come first, experiment file, or folder of a run.",
+        ),
     ],
     option: OptionOption = None,
     trajectory: TrajectoryOption = None,
@@ -52,12 +55,13 @@ def check(
     """Check whether the truth of a recording can be trusted: poses, clock, depth and intrinsics against its images.
 
     Names the usual mistakes: inverted poses, quaternion order, axes, units, intrinsics of another resolution, poses off
-    by frames. Of a run: what is wrong with its truth, what to add to the experiment file, and the numbers behind it.
+    by frames. Of an experiment file: the same, of its recordings as it corrects them. Of a run: what is wrong with its
+    truth, what to add to the experiment file, and the numbers behind it.
     Exit status 0 if the truth is trusted or limited, 4 if it is not trusted or this is unknown.
 
     Examples: `tracknoise check /data/my-recording`, `tracknoise check tum /data/fr1 -o check.html`,
     `tracknoise check /data/euroc --option depth=stereo`, `tracknoise check /data/mine -o refined.txt`,
-    `tracknoise check runs/7scenes`
+    `tracknoise check mine.toml`, `tracknoise check runs/7scenes`
     """
     from tracknoise.cli.output_files import is_run
 
@@ -98,15 +102,23 @@ def _of_recording(
     most: int,
     as_json: bool,
 ) -> int:
-    from tracknoise.cli.output_files import require_outputs
-    from tracknoise.cli.recording_arguments import open_recording
+    from tracknoise.cli.output_files import is_experiment, require_outputs
+    from tracknoise.cli.recording_arguments import open_experiment, open_recording
+    from tracknoise.exceptions import SettingsError
     from tracknoise.truth_faults.check_recording import Pictures, check_reader
 
     files = files_by_ending(out, [_PAGE, _DOCUMENT, _POSES])
-    opened = open_recording(recording, option, trajectory=trajectory)
+    experiment = Path(recording[0]) if len(recording) == 1 and is_experiment(Path(recording[0])) else None
+    if experiment is not None and trajectory is not None:
+        raise SettingsError(f"{experiment}: found an experiment file with --trajectory, expected it in the file")
+    opened = (
+        open_recording(recording, option, trajectory=trajectory)
+        if experiment is None
+        else open_experiment(experiment, option)
+    )
     trajectories = _trajectories(opened, files.pop(_POSES), most=most) if _POSES in files else {}
     outputs = [("--out", path) for path in (*files.values(), *trajectories)]
-    require_outputs(outputs, inputs=[opened.path], are_reports=True)
+    require_outputs(outputs, inputs=[opened.path, experiment], are_reports=True)
     terminal.say(f"reader: {opened.reader.name}")
     pictures = Pictures()
     source = str(opened.path or opened.reader.name)
@@ -118,7 +130,9 @@ def _of_recording(
     write_files({path: makers[ending] for ending, path in files.items()}, terminal.say)
     if not as_json:
         _print(terminal, report)
-        terminal.say("a first answer in about a minute: tracknoise init RECORDING, then tracknoise run FILE --quick")
+        ahead = "tracknoise init RECORDING, then " if experiment is None else ""
+        file = "FILE" if experiment is None else experiment
+        terminal.say(f"a first answer in about a minute: {ahead}tracknoise run {file} --quick")
     for path, name in trajectories.items():
         _write_trajectory(terminal, opened, name, path)
     return 0 if report.truth.is_usable else UNUSABLE

@@ -69,6 +69,11 @@ def _fault(
     return None
 
 
+def is_experiment(path: Path) -> bool:
+    """Whether a path names an experiment file."""
+    return path.suffix == ".toml" and is_regular_file(path)
+
+
 def is_run(folder: Path) -> bool:
     """Whether a folder is that of a run, which may be damaged."""
     return all(os.path.lexists(folder / name) for name in ("manifest.json", "experiment.toml"))

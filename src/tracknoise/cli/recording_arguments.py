@@ -119,6 +119,17 @@ def open_recording(
     return Recording(reader, path, given, stereo, trajectory, of)
 
 
+def open_experiment(path: Path, options: Sequence[str] | None) -> Recording:
+    """The recordings of an experiment file as it wants to see them, with other options of the reader where given."""
+    from tracknoise.experiments.load import load_experiment
+    from tracknoise.experiments.plan import planned
+    from tracknoise.sequences.timed_poses import PosesOf
+
+    experiment = load_experiment(path, options=options_of(options))
+    dataset = experiment.dataset
+    return Recording(planned(experiment), dataset.root, dict(dataset.options), False, None, PosesOf.camera)
+
+
 def _levels(name: str, path: Path | None, options: dict[str, object]) -> dict[str, object]:
     """The option for images of 16 bits, by three of the first recording; none for others, or where they are damaged."""
     from tracknoise.exceptions import DataError

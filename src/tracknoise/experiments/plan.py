@@ -1,9 +1,10 @@
 """Which sequences and conditions an experiment consists of, and its second truth."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import partial
+from typing import cast
 
 from tracknoise.exceptions import DataError, SettingsError, UnknownNameError
 from tracknoise.experiments.settings import DatasetSettings, Experiment, SecondTruthSettings
@@ -135,6 +136,33 @@ def open_batch(
         )
         for name, task in zip(recorded, tasks, strict=True)
     ]
+
+
+def planned(experiment: Experiment) -> Reader:
+    """A reader of the sequences of an experiment as it wants to see them, forward and upright.
+
+    Raises
+    ------
+    TracknoiseError
+        As `plan`.
+    """
+    tasks = {replace(task.sequence, rotation=0, direction=Direction.forward): task for task in plan(experiment)}
+    of_sequences = {name: replace(task, sequence=name) for name, task in tasks.items()}
+    return cast(Reader, _Planned(_reader(experiment.dataset).name, of_sequences))  # whose name is not that of a class
+
+
+@dataclass(frozen=True, slots=True)
+class _Planned:
+    name: str
+    tasks: Mapping[SequenceId, Task]
+
+    def sequences(self) -> list[SequenceId]:
+        """Those of the plan."""
+        return list(self.tasks)
+
+    def open(self, sequence: SequenceId) -> Sequence:
+        """With the frames, poses, depth and corrections of the experiment."""
+        return open_batch([self.tasks[sequence]])[0]
 
 
 def _reader(dataset: DatasetSettings) -> Reader:

@@ -292,7 +292,7 @@ class _Fitted:
             tried = {fault: _fit(seen, [*faults, fault], scale_px)[0] for fault in rest}
             gains = {fault: cost - _cost(seen, value, scale_px) for fault, value in tried.items()}
             best = max(rest, key=lambda fault: gains[fault])
-            if not _matters(best, tried[best], seen):
+            if not _is_large(best, tried[best], seen):
                 break
             sigma, places = _jackknife(seen, [*faults, best], tried[best], scale_px), _PLACES[best]
             if not (np.abs(tried[best][places]) > _SIGMAS * sigma[places]).any():
@@ -347,8 +347,8 @@ def _jackknife(seen: _Sights, faults: list[_Fault], value: Array, scale_px: floa
     return np.asarray(np.sqrt((len(frames) - 1) / len(frames) * np.sum((without - value) ** 2, axis=0)))
 
 
-def _matters(fault: _Fault, value: Array, seen: _Sights) -> bool:
-    """Whether a fault is large enough to matter."""
+def _is_large(fault: _Fault, value: Array, seen: _Sights) -> bool:
+    """Whether a fault counts by its size."""
     length = float(np.linalg.norm(value[_PLACES[fault]]))
     if fault is _Fault.turn:
         return length * float(np.nanmedian(seen.per_angle)) > _LEAST_TURN_PX

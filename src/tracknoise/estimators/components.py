@@ -469,6 +469,13 @@ class FittedComponents:
         """The covariances, without their intervals."""
         return TrackNoise(**{name: part.covariance for name, part in self.components.items()})
 
+    @property
+    def undropped(self) -> TrackNoise:
+        """The covariances if no component is dropped: where `select` decides closely, these hardly change."""
+        equations = Equations.of(self.sums.units.sums.sum(axis=0).T)
+        every = equations.bounded(self.sums.weights, range(len(NAMES)))
+        return TrackNoise(**{name: matrix(entries) for name, entries in zip(NAMES, every, strict=True)})
+
     def of_units(self) -> Array:
         """Components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
 

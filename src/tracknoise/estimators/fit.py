@@ -199,7 +199,8 @@ _ROUNDING = 1e-12
 def fit_tails(samples: pl.DataFrame, noise: TrackNoise, *, last_age: int, groups: SceneGroups = NO_GROUPS) -> Tails:
     """Fit Student's t to single errors; none where the components have noise in one direction only.
 
-    `samples`: schema `SAMPLES`, of one tracker and speed.
+    `samples`: schema `SAMPLES`, of one tracker and speed; `noise`: with all components, as one that is dropped
+    makes errors of some ages look like tails.
     """
     used = samples.filter(pl.col("at") <= last_age)
     used = used.gather_every(max(1, -(-used.height // _MOST)))
@@ -278,7 +279,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(outliers))
     sigmas = alone if pair is None else pair.equivalents(alone, read.groups, level)
     kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level, pair)
-    tails = fit_tails(read["samples"], fitted.noise, last_age=last_age, groups=read.groups)
+    tails = fit_tails(read["samples"], fitted.undropped, last_age=last_age, groups=read.groups)
     points = known_points(
         read["noise_tracks"],
         fitted.noise,

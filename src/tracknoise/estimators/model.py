@@ -367,7 +367,7 @@ class Tails:
     core_sigma
         Scale of the core (2-D, per axis) at the ages of the sample, px.
     core_ratio
-        This scale over the standard deviation that the components give at the same ages.
+        This scale over the standard deviation that all components give at the same ages, none of them dropped.
     """
 
     nu: Annotated[float, as_degrees()]

@@ -5,8 +5,10 @@ import numpy as np
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.pose import invert
+from tracknoise.measurement.adjusted_depths import depth_corrections
 from tracknoise.measurement.fault_bounds import largest_bounds
 from tracknoise.measurement.refined_poses import RefinedPoses, refined
+from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import Sequence, best_truth
 from tracknoise.sequences.views import PartOfSequence
@@ -24,7 +26,7 @@ _LONGEST = 240
 def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
     """The sequence with the poses that lead, what reference tracks say of them, and this as an item.
 
-    Refined poses are of windows of frames, and other frames then have none.
+    Refined poses are of windows of frames, and other frames then have none. Depths are corrected as with these poses.
 
     Raises
     ------
@@ -54,7 +56,8 @@ def leading_poses(sequence: Sequence) -> tuple[Sequence, PoseFit, Item]:
     text = " ".join(filter(None, [f"Poses were refined in {frames}.", fit.of_depths]))
     item = Item("poses", Severity.ok, text, _values(fit))
     of_halves = halves[0], halves[1]
-    shown = RefinedPoses.of(sequence, poses, pose_halves=of_halves, fault_shares=shares, fault_bounds=bounds)
+    with_depths = corrected(sequence, depth_corrections(fit.corrections))
+    shown = RefinedPoses.of(with_depths, poses, pose_halves=of_halves, fault_shares=shares, fault_bounds=bounds)
     return shown, fit, item
 
 

@@ -10,6 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
+from tracknoise.measurement.adjusted_depths import depth_corrections
 from tracknoise.sequences.depth_samples import sampled_depths
 from tracknoise.sequences.likely_times import require_likely_times
 from tracknoise.sequences.sequence import Reader, Sequence, with_known_facts
@@ -117,8 +118,8 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
             if not any(item.severity is Severity.fatal for item in of_data):
                 leading, fit, of_poses = leading_poses(sequence)
                 items.append(of_poses)
-            if leading is not sequence:
-                evidence = evidence.with_poses(leading.world_from_camera)
+            if fit is not None and fit.leads:
+                evidence = evidence.with_truth(leading.world_from_camera, depth_corrections(fit.corrections))
                 of_images = _of_leading(of_images, list(_from_images(leading, evidence)))
             items += of_images
             items += filter(None, [second_camera(leading)])

@@ -335,10 +335,13 @@ def clock(evidence: Evidence, timestamps_s: NDArray[np.float64] | None) -> Item:
     }
     size = _size(offset, step)
     effect_px = abs(offset.frames) * offset.rate_change * focal_px(evidence.camera)
-    if abs(offset.frames) < max(LEAST_FRAMES, SURE_SD * offset.sd_frames) or effect_px < LEAST_EFFECT_PX:
+    if abs(offset.frames) < max(LEAST_FRAMES, SURE_SD * offset.sd_frames):
         return Item("clock", Severity.ok, f"Clocks of images and poses agree: the offset is {size}.", values)
     when = "later" if offset.frames > 0 else "earlier"
     text = f"Poses and images differ in time: the pose that fits an image is {size} {when} than the image."
+    if effect_px < LEAST_EFFECT_PX:
+        little = f"From frame to frame this moves points by less than {LEAST_EFFECT_PX:g} px."
+        return Item("clock", Severity.ok, f"{text} {little}", values)
     return Item("clock", Severity.caveat, text, values)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.geometry.cameras import CameraModel
+from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.depth import DepthMap, sample
 from tracknoise.geometry.pose import invert, transform
 from tracknoise.sequences.sequence import (
@@ -83,6 +84,12 @@ class Pair:
     def has_depth(self) -> bool:
         """Whether enough points have a depth in the first frame."""
         return int(np.isfinite(self.depth_first_m).sum()) >= FEWEST_POINTS
+
+    def corrected(self, of_depths: Corrections) -> "Pair":
+        """The same with corrected depths."""
+        depths = (of_depths.depths_m(stated_m) for stated_m in (self.depth_first_m, self.depth_second_m))
+        first_m, second_m = (np.where(depth_m > 0.0, depth_m, np.nan) for depth_m in depths)
+        return replace(self, depth_first_m=first_m, depth_second_m=second_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -452,14 +459,20 @@ def epipolar_px(
 
 def median_residual_px(pair: Pair, poses: Poses, camera: CameraModel, assumed: Hypothesis, *, has_depth: bool) -> float:
     """Median distance of the points of a pair from their prediction, px; NaN where a pose is missing."""
+    residual = residuals_px(pair, poses, camera, assumed, has_depth=has_depth)
+    return float(np.median(residual)) if len(residual) >= FEWEST_POINTS else np.nan
+
+
+def residuals_px(
+    pair: Pair, poses: Poses, camera: CameraModel, assumed: Hypothesis, *, has_depth: bool
+) -> NDArray[np.float64]:
+    """(m,) float64: distances of the points of a pair from their prediction, px; none where a pose is missing."""
     relative = relative_pose(poses, pair)
     if not np.isfinite(relative).all():
-        return np.nan
+        return np.empty(0)
     if has_depth:
-        residual = np.linalg.norm(reprojection_px(pair, relative, camera, assumed), axis=1)
-    else:
-        residual = np.abs(epipolar_px(pair, relative, camera, assumed))
-    return float(np.median(residual)) if len(residual) >= FEWEST_POINTS else np.nan
+        return np.asarray(np.linalg.norm(reprojection_px(pair, relative, camera, assumed), axis=1))
+    return np.abs(epipolar_px(pair, relative, camera, assumed))
 
 
 @lru_cache(maxsize=_KEPT)
@@ -696,11 +709,11 @@ class Evidence:
         mounting = None if body is None else body.from_camera
         return cls.of(flow, poses, sequence.camera, z_depth_from(sequence), recorded_axes(sequence), mounting)
 
-    def with_poses(self, poses: NDArray[np.float64]) -> "Evidence":
-        """The same with other poses: (n, 4, 4), NaN for frames whose pairs are left out."""
+    def with_truth(self, poses: NDArray[np.float64], of_depths: Corrections) -> "Evidence":
+        """The same with other poses, (n, 4, 4), NaN for frames whose pairs are left out, and corrected depths."""
         has_pose: NDArray[np.bool_] = np.isfinite(poses.sum(axis=(1, 2)))
         parts = (
-            tuple(pair for pair in pairs if has_pose[pair.first] and has_pose[pair.second])
+            tuple(pair.corrected(of_depths) for pair in pairs if has_pose[pair.first] and has_pose[pair.second])
             for pairs in (self.flow.steps, self.flow.wide)
         )
         return Evidence.of(Flow(*parts), poses, self.camera, self.z_depth_from, self.expected, self.body_from_camera)

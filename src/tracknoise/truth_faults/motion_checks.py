@@ -33,6 +33,7 @@ from tracknoise.truth_faults.image_evidence import (
     relative_pose,
     reprojection_px,
     residual_px,
+    residuals_px,
     thinned,
 )
 
@@ -113,8 +114,10 @@ class Fit:
 def mistakes(evidence: Evidence) -> Item:
     """Name the mistake that explains the image motion clearly better than what is given, if there is one.
 
-    Without depths, residuals are distances from epipolar lines. On a straight path small errors of the poses may fit
-    better with turned poses, so residuals must rival the motion too, or fall to those of the tracking.
+    The nearest tenth of the points has to fit better too: where most points are on things that move, the poses that
+    are given fit the others. Without depths, residuals are distances from epipolar lines. On a straight path small
+    errors of the poses may fit better with turned poses, so residuals must rival the motion too, or fall to those of
+    the tracking.
     """
     if evidence.stands_still:
         return _without_motion(evidence)
@@ -151,6 +154,8 @@ def mistakes(evidence: Evidence) -> Item:
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
     is_clear = fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER
     rival_motion = np.nanmedian(given_px / np.maximum(motion_px, 1.0)) >= _CAVEAT_SHARE
+    of_nearest = [_nearest_px(evidence, assumed, _NEAREST) for assumed in (fits[0].hypothesis, AS_GIVEN)]
+    is_clear = is_clear and of_nearest[0] < of_nearest[1]
     if is_clear and (evidence.has_depth or rival_motion or fits[0].residual_px <= _NOISE_PX):
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:
@@ -336,6 +341,7 @@ _AGREE = (
     "Rotations of the poses and directions of their motion agree with the images within these residuals. Errors along "
     "epipolar lines, and the scale of the positions, cannot be seen."
 )
+_NEAREST, _QUARTER = 0.1, 0.25
 _BOUNDARY_PX = (SHORT_PX * LONG_PX) ** 0.5
 
 
@@ -354,12 +360,12 @@ def warping(evidence: Evidence) -> Item:
             values |= {f"{name}_motion_px": motion, f"{name}_residual_px": residual}
             sentences.append(f"At an image motion of {significant(motion, 3)} px the residual is {residual:.2f} px.")
             is_off |= len(part) >= _FEWEST_OFF and residual > max(_MOST_EPIPOLAR_PX, _MOST_EPIPOLAR_SHARE * motion)
-    share = float(np.median(finite[:, 1] / np.maximum(finite[:, 0], 1.0)))
-    severity = _severity(share, float(np.median(finite[:, 1])))
+    share, typical_px = float(np.median(finite[:, 1] / np.maximum(finite[:, 0], 1.0))), float(np.median(finite[:, 1]))
+    severity = _severity(share, typical_px)
     differs = _depth_disagreement(evidence)
     sentences += [f"Depths of the same points in two images differ by {differs:.1%}."] if differs is not None else []
     if not evidence.has_depth:
-        is_off = is_off and _nearest_quarter_px(evidence) > _NOISE_PX
+        is_off = is_off and _nearest_px(evidence, AS_GIVEN, _QUARTER) > _NOISE_PX
         severity = Severity.fatal if is_off else Severity.ok
     moving = moving_scene(evidence) if severity is not Severity.ok else None
     if not evidence.has_depth and moving is None:
@@ -368,24 +374,28 @@ def warping(evidence: Evidence) -> Item:
         sentences.append(f"Errors of the truth are large: residuals are {share:.0%} of the image motion.")
     if moving is not None:
         severity = Severity.caveat
-        sentences.append(_of_moving_parts(moving))
+        sentences.append(f"{_of_moving_parts(moving)} {_MOVE}")
+    elif severity is not Severity.ok:
+        nearest_px = _nearest_px(evidence, AS_GIVEN, _NEAREST)
+        if nearest_px <= min(_NOISE_PX, typical_px / _LEAST_RATIO):
+            severity = Severity.caveat
+            sentences.append(f"{_NEAREST:.0%} of the points have residuals of at most {nearest_px:.2f} px. {_MOVE}")
     return Item(
         "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
     )
 
 
-def _nearest_quarter_px(evidence: Evidence) -> float:
-    """Distance from the epipolar line within which a quarter of the points of a median pair are, px.
+def _nearest_px(evidence: Evidence, assumed: Hypothesis, share: float) -> float:
+    """Distance from the prediction within which a share of the points of a median pair are, px.
 
-    Errors of the poses move nearly all points off their lines; traffic moves its own.
+    Errors of the poses move nearly all points; traffic moves its own.
     """
-    relative = [relative_pose(evidence.poses, pair) for pair in evidence.pairs]
-    quantiles = [
-        np.quantile(np.abs(epipolar_px(pair, pose, evidence.camera, AS_GIVEN)), 0.25)
-        for pair, pose in zip(evidence.pairs, relative, strict=True)
-        if np.isfinite(pose).all()
-    ]
-    return float(np.median(quantiles))
+    undone = corrected(evidence.poses, assumed)
+    residuals = (
+        residuals_px(pair, undone, evidence.camera, assumed, has_depth=evidence.has_depth) for pair in evidence.pairs
+    )
+    of_pairs = [np.quantile(np.nan_to_num(of_pair, nan=np.inf), share) for of_pair in residuals if len(of_pair)]
+    return float(np.median(of_pairs))
 
 
 def _opening(evidence: Evidence) -> str:
@@ -403,8 +413,11 @@ def _severity(share: float, typical_px: float) -> Severity:
 def _of_moving_parts(moving: MovingScene) -> str:
     return (
         f"{moving.share:.0%} of the points have residuals of {moving.fit_px:.1f} px, and the others of "
-        f"{moving.other_px:.1f} px. Parts of the scene probably move, such as traffic or people."
+        f"{moving.other_px:.1f} px."
     )
+
+
+_MOVE = "Parts of the scene probably move, such as traffic or people."
 
 
 def _depth_disagreement(evidence: Evidence) -> float | None:

@@ -100,7 +100,7 @@ def test_settings_are_parsed(file, source):
     while any(isinstance(value, dict) for value in flat):
         flat = [part for value in flat for part in (without_comment(value) if isinstance(value, dict) else [value])]
     assert flat
-    assert all(np.isfinite(float(value)) for value in flat if value not in ("false", "SoftLOneLoss"))
+    assert all(np.isfinite(float(value)) for value in flat if value not in ("false", "HuberLoss"))
 
 
 def without_comment(settings):

@@ -1,6 +1,7 @@
 """Intervals and verdicts of effects, from scenes that scatter as wished."""
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import product
 
 import numpy as np
 import polars as pl
@@ -119,6 +120,39 @@ def test_second_moments_and_cores_are_compared_too() -> None:
     core, absolute = (answer(table, statistic=name) for name in ("core", "eta"))
     assert core["effect"] == pytest.approx(absolute["effect"])
     assert core["axis"] == "age"
+
+
+def drawn(counts: Mapping[int, int], *, outliers: float) -> pl.DataFrame:
+    """Scenes with as many errors at each age as `counts` says of the speed: of .3 px, and outliers up to 20 px."""
+    rng, rows = np.random.default_rng(3), []
+    kinds = {"population": "visible", "trimming": "untrimmed", "axis": "age"}
+    for scene, (speed, n), age in product(range(12), counts.items(), range(1, AGES + 1)):
+        errors = rng.normal(0.0, 0.3, (n, 2))
+        is_outlier = rng.random(n) < outliers
+        errors[is_outlier] = rng.uniform(-20.0, 20.0, (is_outlier.sum(), 2))
+        u, v = errors.T
+        powers = {f"m_{'u' * a}{'v' * b}": ((u - u.mean()) ** a * (v - v.mean()) ** b).sum() for a, b in _POWERS}
+        means = {"mean_u": u.mean(), "mean_v": v.mean(), "mean_abs_u": abs(u).mean(), "mean_abs_v": abs(v).mean()}
+        values = {"scene": f"s{scene:02}", "speed": speed, "at": age, "n": n}
+        rows.append(dict.fromkeys(MOMENTS, 0.0) | CONDITION | values | means | powers | kinds)
+    return pl.DataFrame(rows, schema=dict(MOMENTS))
+
+
+_POWERS = [(a, order - a) for order in (2, 3, 4) for a in range(order + 1)]
+
+
+def test_a_second_moment_does_not_depend_on_how_many_errors_it_is_of() -> None:
+    """The logarithm of a mean of few squares with heavy tails is too small: the level with fewer looked better."""
+    row = answer(drawn({1: 600, 2: 3000}, outliers=0.03), statistic="Phi")
+    assert row["low"] < 1.0 < row["high"] < 1.25
+    assert row["verdict"] != "yes"
+    gaussian = answer(drawn({1: 60, 2: 3000}, outliers=0.0), statistic="Phi")
+    assert gaussian["low"] < 1.0 < gaussian["high"] < 1.1
+
+
+def test_a_second_moment_of_too_few_errors_for_their_tails_is_not_compared() -> None:
+    few = answer(drawn({1: 60, 2: 3000}, outliers=0.03), statistic="Phi")
+    assert (few["effect"], few["verdict"]) == (None, "undecided")
 
 
 def test_means_differ_in_px_at_one_age_by_a_share_of_the_core() -> None:

@@ -1,6 +1,6 @@
 """The check refines poses as a run does: spoilt ones are found, exact ones stay, and trajectories are better."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -79,6 +79,23 @@ def test_spoilt_poses_are_refined_and_the_check_says_how_wrong_they_were(spoilt)
     assert report.truth.poses.count("The stated poses would add") == 1
     assert "The stated poses would add" not in report.truth.stated
     assert report.truth.verdict is not Trust.not_trusted
+
+
+def test_corrected_depths_are_those_that_are_judged(exact):
+    """Inverse depths are off by a constant, which reference tracks find: what is left says nothing of it."""
+    report = check_sequence(Shifted(exact, exact.world_from_camera, TruthAccuracy()))
+    assert item_of(report, "poses").values["inverse_depth_offset_per_m"] == pytest.approx(0.02, rel=0.3)
+    assert report.truth.verdict is not Trust.not_trusted
+    assert "off by a constant" not in report.truth.text
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shifted(Spoilt):
+    """With inverse depths that are too small by .02 1/m."""
+
+    def depth(self, index):
+        found = self.sequence.depth(index)
+        return replace(found, depth_m=1.0 / (1.0 / found.depth_m - 0.02), valid=found.valid & (found.depth_m < 45.0))
 
 
 def test_an_exact_truth_is_not_adjusted(exact):

@@ -8,6 +8,7 @@ from tests.truth_faults.planted import shifted, without_depth
 
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.views import chosen_frames
+from tracknoise.truth_faults import clock_check
 from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.clock_check import Rates, clock, estimate_offset, measured_offset
 from tracknoise.truth_faults.image_evidence import Evidence, Flow
@@ -97,6 +98,14 @@ def test_an_offset_planted_in_a_recording_is_measured_to_a_tenth_of_a_frame(hand
 
 def test_clocks_that_agree_are_no_caveat(as_recorded):
     assert as_recorded.severity is Severity.ok
+
+
+def test_a_clear_offset_that_moves_points_little_is_said_and_is_no_caveat(handheld, monkeypatch):
+    monkeypatch.setattr(clock_check, "LEAST_EFFECT_PX", 100.0)
+    item = clock(Evidence.of(handheld.flow, shifted(0.4)(handheld.poses), handheld.camera), None)
+    assert item.severity is Severity.ok
+    assert "Poses and images differ in time" in item.text
+    assert "moves points by less than 100 px" in item.text
 
 
 def test_without_rotation_no_offset_can_be_seen():

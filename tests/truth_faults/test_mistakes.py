@@ -12,8 +12,8 @@ from tracknoise.geometry.pose import invert
 from tracknoise.sequences.reader_registry import open_sequence
 from tracknoise.sequences.views import chosen_frames
 from tracknoise.truth_faults.check_report import Severity
-from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, axis_rotations, hypotheses
-from tracknoise.truth_faults.motion_checks import mistakes
+from tracknoise.truth_faults.image_evidence import AS_GIVEN, Evidence, Flow, axis_rotations, hypotheses
+from tracknoise.truth_faults.motion_checks import mistakes, warping
 
 RECORDINGS = ("simulated", "tartanair", "sevenscenes")
 ONE_OF_A_KIND = list({kind: name for name, (_, kind, _) in MISTAKES.items()}.values())
@@ -163,3 +163,21 @@ def test_the_24_axis_rotations_are_rotations_and_differ():
 def test_every_mistake_can_be_undone_on_any_poses():
     poses = np.tile(np.eye(4), (6, 1, 1))
     assert {one.poses(poses).shape for one in (*hypotheses(), AS_GIVEN)} == {(6, 4, 4)}
+
+
+def test_things_that_move_are_no_mistake_in_the_poses(data_root):
+    """Four of five points are on them, and move as the nearest of them would if the poses were wrong."""
+    still = evidence("simulated", data_root)
+
+    def with_traffic(pair):
+        moves = np.arange(len(pair.uv_second)) % 5 > 0
+        return replace(
+            pair, uv_second=pair.uv_second + moves[:, None] * (pair.second - pair.first) * np.array([3.0, 1.0])
+        )
+
+    flow = Flow(*(tuple(map(with_traffic, pairs)) for pairs in (still.flow.steps, still.flow.wide)))
+    moving = Evidence.stated(flow, still.poses, recording("simulated", data_root))
+    assert mistakes(moving).severity is Severity.ok
+    seen = warping(moving)
+    assert seen.severity is Severity.caveat
+    assert "Parts of the scene probably move" in seen.text

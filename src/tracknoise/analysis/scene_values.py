@@ -4,8 +4,14 @@ A level is a condition of a run: levels of the factors of a run are conditions o
 
 At each age (or frame) and coordinate, a scene has the mean of its errors (px), and the logarithms of their mean
 absolute value, their second moment about zero and their core (scene value). A value that rests on fewer features than
-`LEAST_FEATURES` counts as missing: the logarithm of a second moment of few errors is too small, the more so the heavier
-their tails. Turned images are in the axes of the upright image.
+`LEAST_FEATURES` counts as missing. Turned images are in the axes of the upright image.
+
+The logarithm of the mean of n squares is too small on average, the more so the heavier their tails. By the fourth and
+second moments about zero of all scenes at the same age, m_4 and m_2, it is increased by
+
+    (m_4 / m_2^2 - 1) / (2 n)    (scene shortfall)
+
+This is the first term of a series. A second moment for which it is above `MOST_SHORTFALL` counts as missing.
 
 - An outlier ratio is (outliers + 1/2) / (offered + 1) (scene ratio), and levels differ by its logarithm. A scene takes
   no part in a pair if its counts are too small: if both levels had the same ratio, at least `LEAST_OUTLIERS` outliers
@@ -56,6 +62,8 @@ from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, check,
 
 LEAST_FEATURES: Mapping[str, int] = {"mean": 10, "absolute": 10, "second": 30, "core": LEAST_ERRORS}
 """Fewest features that a value at one age rests on, by role of the statistic."""
+MOST_SHORTFALL = 0.1
+"""By how much the logarithm of a second moment may have to be increased."""
 SIGNED = "mean"
 """Role of the statistic that has a sign and therefore no logarithm."""
 NUMBERS = {"scene": pl.String, "at": pl.Int64, "value": pl.Float64}
@@ -209,7 +217,22 @@ def _of_moments(table: pl.DataFrame) -> _Columns:
     with np.errstate(divide="ignore", invalid="ignore"):
         mean, absolute = (_columns(sums, *names) / n for names in (("u", "v"), ("abs_u", "abs_v")))
         second = _columns(sums, "uu", "vv") / n
-        return {SIGNED: mean, "absolute": np.log(absolute), "second": np.log(second)}
+        return {SIGNED: mean, "absolute": np.log(absolute), "second": np.log(second) + _shortfall(table, second * n)}
+
+
+def _shortfall(table: pl.DataFrame, squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(scene shortfall) of rows of moments with these sums of squares, (rows, 2); NaN where it is too large."""
+    n, mean, central = table["n"].to_numpy()[:, None], *(_columns(table, *names) for names in _MEAN_AND_SECOND)
+    third, fourth = (_columns(table, *names) for names in _HIGHER)
+    quartic = fourth + mean * (4.0 * third + mean * (6.0 * central + n * mean**2))
+    _, place = np.unique(table["at"].to_numpy(), return_inverse=True)
+    sums = [np.stack([np.bincount(place, one) for one in np.nan_to_num(part).T], axis=1) for part in (squares, quartic)]
+    ratio = np.bincount(place, n[:, 0])[:, None] * sums[1] / np.where(sums[0] > 0.0, sums[0], np.inf) ** 2
+    short = np.maximum(ratio[place] - 1.0, 0.0) / (2.0 * n)
+    return np.where(short <= MOST_SHORTFALL, short, np.nan)
+
+
+_MEAN_AND_SECOND, _HIGHER = (("mean_u", "mean_v"), ("m_uu", "m_vv")), (("m_uuu", "m_vvv"), ("m_uuuu", "m_vvvv"))
 
 
 def _of_scales(table: pl.DataFrame) -> _Columns:

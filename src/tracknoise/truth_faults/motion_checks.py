@@ -154,8 +154,9 @@ def mistakes(evidence: Evidence) -> Item:
     fits = [_fit(candidates[place], tried[place], given_px, judging) for place in tied]
     is_clear = fits[0].gain <= (MOST_GAIN_OF_FEW if are_few else MOST_GAIN) and fits[0].better >= LEAST_BETTER
     rival_motion = np.nanmedian(given_px / np.maximum(motion_px, 1.0)) >= _CAVEAT_SHARE
-    of_nearest = [_nearest_px(evidence, assumed, _NEAREST) for assumed in (fits[0].hypothesis, AS_GIVEN)]
-    is_clear = is_clear and of_nearest[0] < of_nearest[1]
+    if is_clear:
+        nearest_px, as_given_px = (_nearest_px(evidence, one, _NEAREST) for one in (fits[0].hypothesis, AS_GIVEN))
+        is_clear = nearest_px < as_given_px
     if is_clear and (evidence.has_depth or rival_motion or fits[0].residual_px <= _NOISE_PX):
         return _named(evidence, fits, float(np.median(given_px)))
     if (ray := _ray_depth(evidence)) is not None:

@@ -109,9 +109,15 @@ def test_trackers_join_the_rounds_of_a_file_of_results(tracknoise, experiment, t
     found = json.loads((tmp_path / "all.json").read_text())["rounds"]["mine"]
     assert list(found["trackers"]) == ["my-tracker", "oracle", "added"]
     assert {sequence["frames"] for sequence in found["sequences"].values()} == {"4"}  # those of the round
+    assert "replaces" not in err
+    alone = EXPERIMENT.removesuffix('[[trackers]]\nkind = "oracle"\n')
+    (tmp_path / "added.toml").write_text(alone.replace("my-tracker", "oracle"))
+    code, _, err = tracknoise("tournament", "--add", "added.toml", *to, "--out", "again")
+    assert code == 0, err
+    assert "round mine: oracle replaces the results of a tracker of this name with other options" in err
     changed = (tmp_path / "all.json").read_text().replace('"numpy": "', '"numpy": "0.')
     (tmp_path / "all.json").write_text(changed)
-    code, _, err = tracknoise("tournament", "--add", "added.toml", *to)
+    code, _, err = tracknoise("tournament", "--add", "added.toml", *to, "--out", "again")
     assert code == 1
     assert "round mine: version of numpy: found " in err
     assert (tmp_path / "all.json").read_text() == changed

@@ -160,7 +160,7 @@ class Asked(OfEstimand):
             return Tested(self, gap=few if self.n_scenes < MIN_SCENES else why_not_asked(self.values.both, self.group))
         tests, gap = change(self.values, question, ages), None
         if tests is None:
-            with_data = int((~np.isnan(self.values.values)).any(axis=(1, 2)).sum())
+            with_data = int((~np.isnan(self.values.values)).sum(axis=0).max(initial=0))  # at one place
             gap = f"{with_data} of {count(self.n_scenes, 'scene')} with enough data in both runs; {AT_LEAST}"
         elif tests.kinds_disagree:
             gap = f"{DISAGREE} {' and '.join(dict.fromkeys((self.of.tracker, self.of.other_tracker)))}"

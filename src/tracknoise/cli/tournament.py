@@ -152,6 +152,11 @@ def _join(terminal: "Terminal", to: Path, results: "Results", name: str, run: "R
     from tracknoise.report.report_data import ReportData
     from tracknoise.report.results_file import joined, results_json, round_of
 
-    new = joined(results, name, round_of(ReportData.of(run)))
+    made, before = round_of(ReportData.of(run)), results.rounds.get(name)
+    new, known = joined(results, name, made), {} if before is None else before.trackers
+    for tracker, one in made.trackers.items():
+        earlier = known.get(tracker, one)
+        if (earlier.kind, earlier.options) != (one.kind, one.options):
+            terminal.warn(f"round {name}: {tracker} replaces the results of a tracker of this name with other options")
     write_files({to: lambda: results_json(new)}, terminal.result)
     return new

@@ -141,3 +141,14 @@ def test_a_written_trajectory_gives_the_same_poses_when_it_is_read(spoilt, tmp_p
     path.write_text(trajectory_text(sequence, "refined poses of it"))
     found = with_trajectory(sequence, path)
     np.testing.assert_allclose(found.world_from_camera, poses, atol=1e-12)
+
+
+def test_some_poses_that_are_wrong_are_refined_however_few_and_however_they_repeat(exact):
+    """Every fifth pose is that of the frame before: two frames that are ten apart are both right, or both wrong."""
+    poses = exact.world_from_camera.copy()
+    poses[4::5] = poses[3:-1:5]
+    report = check_sequence(Spoilt(exact, poses))
+    values = item_of(report, "poses").values
+    assert values["are_refined"]
+    assert values["stated_next_px"] > 2.0 * values["stated_px"]
+    assert report.truth.stated.startswith("Stated poses: not trusted. ")

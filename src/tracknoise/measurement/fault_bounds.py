@@ -94,9 +94,22 @@ _MOST_SIZES = 10.0
 
 def rms(moved: NDArray[np.floating]) -> float:
     """RMS of both coordinates (n, 2) together, px: as the floor has it."""
-    length = np.hypot(*moved.T)  # squares of points next to the camera may overflow
-    length = np.minimum(length[np.isfinite(length)], _MOST_SIZES * size(moved))
+    length = _limited(moved)
     return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
+
+
+def rms_over_frames(moved: NDArray[np.floating], frame: NDArray[np.integer]) -> float:
+    """The same where a robust size is that of the points of a frame (n,): poses of some frames alone may be wrong."""
+    places = np.argsort(frame, kind="stable")
+    parts = np.split(moved[places], np.flatnonzero(np.diff(frame[places])) + 1)
+    length = np.concatenate([_limited(part) for part in parts])
+    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
+
+
+def _limited(moved: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Lengths of displacements that are known, none above so many robust sizes."""
+    length = np.hypot(*moved.T)  # squares of points next to the camera may overflow
+    return np.asarray(np.minimum(length[np.isfinite(length)], _MOST_SIZES * size(moved)))
 
 
 def largest_bounds(one: TruthAccuracy, other: TruthAccuracy) -> TruthAccuracy:

@@ -302,7 +302,8 @@ class _FittedPoses:
         errors = [size.px for size in sizes.values() if size.px > 0.0]
         verdict = None
         if fit is not None and fit.stated_px is not None and errors:
-            share = _part(fit.stated_px, hypot(fit.stated_px, min(errors)))
+            added_px = max(fit.stated_px, fit.next_px or 0.0)
+            share = _part(added_px, hypot(added_px, min(errors)))
             verdict = Trust.trusted if share <= SMALL else Trust.limited if share <= MOST else Trust.not_trusted
         return cls(len(leading), len(evidence.pose_fits), fit, verdict)
 

@@ -164,3 +164,15 @@ def test_other_data_are_refused_with_the_reason(tracknoise, make):
     status, _, err = tracknoise("compare", make("two", **few), make("refused n_frames", n_frames=15, **few))
     assert status == 1
     assert "compare-refused n_frames cannot be compared: other data: n_frames of scene-0@default is 14 and 15" in err
+
+
+def test_other_depth_maps_are_refused(tracknoise, make, tmp_path):
+    for name, depth_m in (("base", 2.0), ("fused", 2.03), ("rounded", 2.001)):
+        run = RunFolder(Path(shutil.copytree(make("two", scenes=SCENES[:2]), tmp_path / name)))
+        manifest = run.manifest()
+        manifest.sequences = {key: replace(entry, first_depth_m=depth_m) for key, entry in manifest.sequences.items()}
+        run.write_manifest(manifest)
+    status, _, err = tracknoise("compare", str(tmp_path / "base"), str(tmp_path / "fused"))
+    assert status == 1
+    assert "other truth: median depth of the first frame of scene-0@default is 2 m and 2.03 m" in err
+    assert tracknoise("compare", str(tmp_path / "base"), str(tmp_path / "rounded"))[0] == 0

@@ -5,6 +5,7 @@ Runs can be compared if they have the same data, truth and libraries, whatever t
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from math import isclose
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +48,8 @@ _FREE = (
 _OF_IMAGES = ("n_frames", "width", "height")
 _OF_TRUTH = ("truth", "key_frame")
 _SHORT = 10
+_SAME_DEPTH = 0.005
+"""Corrections of depths by reference tracks may differ by less, between processors and where parts are measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +112,10 @@ def _unlike(first: OpenedRun, second: OpenedRun, key: str) -> Iterator[tuple[str
     images = [entry.sha256.get("snapshots") for entry in (first_entry, second_entry)]
     if first_entry.snapshot_frame == second_entry.snapshot_frame and images[0] != images[1]:
         yield "other data", f"frame {first_entry.snapshot_frame} of {sequence} differs", "the same image"
+    a, b = first_entry.first_depth_m, second_entry.first_depth_m
+    if a is not None and b is not None and not isclose(a, b, rel_tol=_SAME_DEPTH):
+        values = f"{a:.4g} m and {b:.4g} m"
+        yield "other truth", f"median depth of the first frame of {sequence} is {values}", "the same depth maps"
     if first_entry.leading_poses != second_entry.leading_poses:
         values = f"poses of {sequence} are {first_entry.leading_poses} and {second_entry.leading_poses}"
         yield "other truth", values, 'the same, as with poses = "stated" in [truth] of both'

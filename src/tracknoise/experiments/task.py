@@ -8,6 +8,7 @@ from collections.abc import Sequence as Items
 from dataclasses import dataclass, replace
 from statistics import fmean
 
+import numpy as np
 import polars as pl
 
 from tracknoise.exceptions import DataWarning, NothingToMeasureError
@@ -150,6 +151,7 @@ def _joined(task: Task, run: RunFolder, claim: Claim | None) -> SequenceEntry:
         doubts=doubts_of_all.mistakes,
         cautions=doubts_of_all.cautions,
         depth_edges=fmean(entry.depth_edges for entry in entries),
+        first_depth_m=entries[0].first_depth_m,
         kernels=" and ".join(sorted({entry.kernels for entry in entries})),
         parts=tuple((span.start, span.stop) for span in task.parts),
         sha256=hashes,
@@ -269,11 +271,18 @@ def sequence_entry(measurement: Measurement, *, sha256: dict[str, str], seconds:
         kernels=kernels(),
         z_depth_from=_z_depth_from(sequence, measurement.truth),
         depth_edges=depth_edges(measurement),
+        first_depth_m=_first_depth_m(measurement),
         states_accuracy=measurement.states_accuracy,
         pose_fit=measurement.pose_fit,
         image=content_hash(measurement.snapshot) or "",
         sha256=sha256,
     )
+
+
+def _first_depth_m(measurement: Measurement) -> float | None:
+    """As in `SequenceEntry`: runs with other depth maps have other true positions."""
+    depth = measurement.sequence.depth(0) if measurement.truth == TruthKind.birth else None
+    return None if depth is None or not depth.valid.any() else float(np.median(depth.depth_m[depth.valid]))
 
 
 def _z_depth_from(sequence: Sequence, truth: str) -> str | None:

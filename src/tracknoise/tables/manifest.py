@@ -148,6 +148,8 @@ class SequenceEntry:
         What looks wrong in single parts of its data, likewise.
     depth_edges
         Share of the pixels with depth at which depths of neighbours differ, if features have the depth of dense maps.
+    first_depth_m
+        Median depth of the first frame, where features have the depth of maps; otherwise None.
     states_accuracy
         Whether the errors of its poses, and of its depths where they count, are stated.
     pose_fit
@@ -188,6 +190,7 @@ class SequenceEntry:
     doubts: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
     depth_edges: float = 0.0
+    first_depth_m: float | None = None
     states_accuracy: bool = False
     pose_fit: PoseFit | None = None
     image: str = ""

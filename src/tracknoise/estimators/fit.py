@@ -100,7 +100,8 @@ def fit_bias(
     every = by_number(group_numbers(errors.unique("scene").sort("scene"), groups), units.sums)
     own = every[every[..., -1].sum(axis=1) > 0.0]
     if len(own) < 2:
-        return Bias(kind=BiasKind.REFUSED, why="there is only one scene, so that none can be left out")
+        few = "there is only one scene" if len(every) < 2 else "errors are 0 in all scenes but one at most"
+        return Bias(kind=BiasKind.REFUSED, why=f"{few}, so that none can be left out")
     ages = units.points["age"].to_numpy()
     best = max((_by_age(own, ages, level), _along(own, level)), key=lambda form: form.reduction.value)
     if reason := _objection(best, floors, int(ages.max())) or _audited(sums, audit_curves, int(ages.max())):

@@ -74,7 +74,7 @@ def limit_text(kernel: str | None, factors: Mapping[str, float], *, is_bound: bo
     factors
         By name; `track_gate`, `observation_gate` and `knee` count.
     is_bound
-        Whether sigma is at most what it is shown with: then no setting belongs to it.
+        Whether sigma is an upper bound: then no setting belongs to it.
     """
     if is_bound:
         return ""

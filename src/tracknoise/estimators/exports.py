@@ -546,6 +546,7 @@ def _of_model(noise: Noise) -> Iterator[str]:
     yield from of_common(noise.model, noise.about, noise.set_to)
     if noise.model.bias.kind in (BiasKind.BY_AGE, BiasKind.ALONG_MOTION):
         yield "The model has a bias: correct the pixels before the estimator gets them."
+        yield "Sigma has this bias in it, as if it differed from track to track: after the correction it is too large."
 
 
 def of_common(model: ExportedModel, about: Estimator, advice: Advice | None) -> Iterator[str]:

@@ -80,6 +80,22 @@ def additive(moments: pl.DataFrame) -> pl.DataFrame:
     return moments.select_seq(*others, **ABOUT_ZERO, **absolute)
 
 
+FOURTH_SUMS = ("fourth_u", "fourth_v")
+"""Sums of the fourth powers of errors."""
+
+
+def with_fourth(moments: pl.DataFrame) -> pl.DataFrame:
+    """Rows of `MOMENTS` with the columns `FOURTH_SUMS`."""
+    return moments.with_columns_seq(_fourth(axis).alias(name) for axis, name in zip("uv", FOURTH_SUMS, strict=True))
+
+
+def _fourth(axis: str) -> pl.Expr:
+    """Sum of fourth powers about zero, from that about the mean."""
+    second, third, fourth = (pl.col(f"m_{power * axis}") for power in (2, 3, 4))
+    mean = pl.col(f"mean_{axis}")
+    return fourth + 4 * mean * third + 6 * mean**2 * second + pl.col("n") * mean**4
+
+
 def units_of(
     scenes: pl.DataFrame,
     blocks: pl.DataFrame | None = None,

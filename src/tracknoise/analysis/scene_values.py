@@ -33,7 +33,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import additive
+from tracknoise.analysis.condition_units import FOURTH_SUMS, additive, with_fourth
 from tracknoise.inference.paired_differences import (
     NO_PLACES,
     Differences,
@@ -216,26 +216,26 @@ def _of_condition(
 
 def _of_moments(table: pl.DataFrame) -> _Columns:
     """Values in u and v, (rows, 2), of rows of moments; NaN where there is no feature."""
-    sums, n = additive(table), table["n"].to_numpy()[:, None]
+    sums, n = additive(with_fourth(table)), table["n"].to_numpy()[:, None]
+    squares = _columns(sums, "uu", "vv")
     with np.errstate(divide="ignore", invalid="ignore"):
         mean, absolute = (_columns(sums, *names) / n for names in (("u", "v"), ("abs_u", "abs_v")))
-        second = _columns(sums, "uu", "vv") / n
-        return {SIGNED: mean, "absolute": np.log(absolute), "second": np.log(second) + _shortfall(table, second * n)}
+        second = np.log(squares / n) + _shortfall(n, squares, _columns(sums, *FOURTH_SUMS), table["at"].to_numpy())
+        return {SIGNED: mean, "absolute": np.log(absolute), "second": second}
 
 
-def _shortfall(table: pl.DataFrame, squares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(scene shortfall) of rows of moments with these sums of squares, (rows, 2); NaN where it is too large."""
-    n, mean, central = table["n"].to_numpy()[:, None], *(_columns(table, *names) for names in _MEAN_AND_SECOND)
-    third, fourth = (_columns(table, *names) for names in _HIGHER)
-    quartic = fourth + mean * (4.0 * third + mean * (6.0 * central + n * mean**2))
-    _, place = np.unique(table["at"].to_numpy(), return_inverse=True)
-    sums = [np.stack([np.bincount(place, one) for one in np.nan_to_num(part).T], axis=1) for part in (squares, quartic)]
-    ratio = np.bincount(place, n[:, 0])[:, None] * sums[1] / np.where(sums[0] > 0.0, sums[0], np.inf) ** 2
+def _shortfall(
+    n: NDArray[np.int64], squares: NDArray[np.float64], fourth: NDArray[np.float64], at: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """(scene shortfall) of rows of n errors with these sums at places, (rows, 2); NaN where it is too large."""
+    _, place = np.unique(at, return_inverse=True)
+    whole, all_squares, all_fourth = (
+        np.stack([np.bincount(place, column) for column in np.nan_to_num(part).T], axis=1)
+        for part in (n, squares, fourth)
+    )
+    ratio = whole * all_fourth / np.where(all_squares > 0.0, all_squares, np.inf) ** 2
     short = np.maximum(ratio[place] - 1.0, 0.0) / (2.0 * n)
     return np.where(short <= MOST_SHORTFALL, short, np.nan)
-
-
-_MEAN_AND_SECOND, _HIGHER = (("mean_u", "mean_v"), ("m_uu", "m_vv")), (("m_uuu", "m_vvv"), ("m_uuuu", "m_vvvv"))
 
 
 def _of_scales(table: pl.DataFrame) -> _Columns:

@@ -22,7 +22,7 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
-from tracknoise.analysis.condition_units import additive, units_of
+from tracknoise.analysis.condition_units import FOURTH_SUMS, additive, units_of, with_fourth
 from tracknoise.analysis.curve_intervals import CHANGE_SUMS, correlated
 from tracknoise.analysis.growth_models import (
     OWN,
@@ -336,8 +336,6 @@ def _length(square: float | None) -> float | None:
     return None if square is None else float(max(square, 0.0) ** 0.5)
 
 
-FOURTH_SUMS = ("fourth_u", "fourth_v")
-"""Sums of the fourth powers of errors."""
 _LIVED = ["at_least", "since"]
 
 
@@ -375,18 +373,6 @@ class GrowthUnits:
     def lived_of(self, coordinate: int) -> dict[int, tuple[Array, Array]]:
         """Number of errors and sum of their squares of one coordinate, (units, ages), by the age tracks live to."""
         return {age: (sums[..., 0], sums[..., 1 + coordinate]) for age, sums in self.lived.items()}
-
-
-def with_fourth(moments: pl.DataFrame) -> pl.DataFrame:
-    """Rows of `MOMENTS` with the columns `FOURTH_SUMS`."""
-    return moments.with_columns_seq(_fourth(axis).alias(name) for axis, name in zip("uv", FOURTH_SUMS, strict=True))
-
-
-def _fourth(axis: str) -> pl.Expr:
-    """Sum of fourth powers about zero, from that about the mean."""
-    second, third, fourth = (pl.col(f"m_{power * axis}") for power in (2, 3, 4))
-    mean = pl.col(f"mean_{axis}")
-    return fourth + 4 * mean * third + 6 * mean**2 * second + pl.col("n") * mean**4
 
 
 def growth_units(

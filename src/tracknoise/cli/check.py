@@ -130,9 +130,9 @@ def _of_recording(
     write_files({path: makers[ending] for ending, path in files.items()}, terminal.say)
     if not as_json:
         _print(terminal, report)
-        ahead = "tracknoise init RECORDING, then " if experiment is None else ""
-        file = "FILE" if experiment is None else experiment
-        terminal.say(f"a first answer in about a minute: {ahead}tracknoise run {file} --quick")
+        ahead = "tracknoise init RECORDING, then tracknoise run FILE"
+        command = ahead if experiment is None else f"tracknoise run {experiment}"
+        terminal.say(f"a first answer in about a minute: {command} --quick")
     for path, name in trajectories.items():
         _write_trajectory(terminal, opened, name, path)
     return 0 if report.truth.is_usable else UNUSABLE

@@ -472,9 +472,7 @@ class FittedComponents:
     @property
     def undropped(self) -> TrackNoise:
         """The covariances if no component is dropped: where `select` decides closely, these hardly change."""
-        equations = Equations.of(self.sums.units.sums.sum(axis=0).T)
-        every = equations.bounded(self.sums.weights, range(len(NAMES)))
-        return TrackNoise(**{name: matrix(entries) for name, entries in zip(NAMES, every, strict=True)})
+        return _noise(Equations.of(self.sums.units.sums.sum(axis=0).T), self.sums, range(len(NAMES)))
 
     def of_units(self) -> Array:
         """Components of each unit alone, (units, 4, 2, 2) px^2, by least squares.
@@ -520,6 +518,11 @@ def fit_noise(units: Units, *, level: float) -> TrackNoise:
     """The covariances that `fit_components` returns. Without intervals and alternatives it takes half the time."""
     equations, sums = _weighted(units)
     active, *_ = _chosen(sums, _strict(level))
+    return _noise(equations, sums, active)
+
+
+def _noise(equations: Equations, sums: WeightedSums, active: Sequence[int]) -> TrackNoise:
+    """The covariances of the active components."""
     covariances = equations.bounded(sums.weights, active)
     return TrackNoise(**{NAMES[number]: matrix(entries) for number, entries in zip(active, covariances, strict=True)})
 

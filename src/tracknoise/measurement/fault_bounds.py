@@ -92,18 +92,20 @@ _MOST_SIZES = 10.0
 """Larger displacements, of points next to the camera, count as so many robust sizes."""
 
 
-def rms(moved: NDArray[np.floating]) -> float:
-    """RMS of both coordinates (n, 2) together, px: as the floor has it."""
-    length = _limited(moved)
-    return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
+def rms(moved: NDArray[np.floating], frame: NDArray[np.integer] | None = None) -> float:
+    """RMS of both coordinates (n, 2) together, px: as the floor has it.
 
-
-def rms_over_frames(moved: NDArray[np.floating], frame: NDArray[np.integer]) -> float:
-    """The same where a robust size is that of the points of a frame (n,): poses of some frames alone may be wrong."""
-    places = np.argsort(frame, kind="stable")
-    parts = np.split(moved[places], np.flatnonzero(np.diff(frame[places])) + 1)
+    With frames (n,), robust sizes are those of the points of a frame: poses of some frames alone may be wrong.
+    """
+    parts = [moved] if frame is None else _of_frames(moved, frame)
     length = np.concatenate([_limited(part) for part in parts])
     return float(np.sqrt(np.mean(length**2))) if len(length) else 0.0
+
+
+def _of_frames(moved: NDArray[np.floating], frame: NDArray[np.integer]) -> list[NDArray[np.floating]]:
+    """Displacements by frame."""
+    order = np.argsort(frame, kind="stable")
+    return np.split(moved[order], np.flatnonzero(np.diff(frame[order])) + 1)
 
 
 def _limited(moved: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -32,7 +32,7 @@ from tracknoise.geometry.accuracy import TruthAccuracy
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.pose import PosePath, invert
 from tracknoise.measurement.adjusted_depths import FOCAL, READOUT, AdjustedDepths
-from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, rms_over_frames, size
+from tracknoise.measurement.fault_bounds import FaultBounds, misfit_px2, moved_apart, rms, size
 from tracknoise.measurement.reference_tracks import FOLLOWED, KINDS, MATCHED, KeptTracks, reference_tracks
 from tracknoise.measurement.tracking import Progress
 from tracknoise.sequences.depth_samples import MOST_EDGES, edge_share, sampled_depths
@@ -291,9 +291,9 @@ def _compared(
     by_stated = adjustment.residuals(sequence.world_from_camera, depths.stated_m)
     given_px = size(by_stated[age <= AGE])
     by_stated -= best
-    next_px = rms_over_frames(by_stated[age == 1], tracks.frame[age == 1]) if (age == 1).any() else None
+    next_px = rms(by_stated[age == 1], tracks.frame[age == 1]) if (age == 1).any() else None
     left_px = float(np.hypot(rms((first - second) / 2.0), faults.left_px))
-    stated_px = rms_over_frames(by_stated[rows], tracks.frame[rows])
+    stated_px = rms(by_stated[rows], tracks.frame[rows])
     errors = stated_errors(adjusted)
     fit = PoseFit(
         True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, adjusted.joins_depths

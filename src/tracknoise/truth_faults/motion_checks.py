@@ -26,12 +26,10 @@ from tracknoise.truth_faults.image_evidence import (
     Pair,
     any_scale,
     corrected,
-    epipolar_px,
     focal_px,
     hypotheses,
     other_focal_lengths,
     relative_pose,
-    reprojection_px,
     residual_px,
     residuals_px,
     thinned,
@@ -317,14 +315,11 @@ def moving_scene(evidence: Evidence) -> MovingScene | None:
 
 def _points(evidence: Evidence, pair: Pair) -> NDArray[np.float64]:
     """(m, 2) float64: residual and motion of each point, px, with depth if there is; none where a pose is missing."""
-    relative = relative_pose(evidence.poses, pair)
-    if not np.isfinite(relative).all():
+    residual = residuals_px(pair, evidence.poses, evidence.camera, AS_GIVEN, has_depth=evidence.has_depth)
+    if not len(residual):
         return np.empty((0, 2))
     motion = np.linalg.norm(pair.uv_second - pair.uv_first, axis=1)
-    if not evidence.has_depth:
-        return np.column_stack([np.abs(epipolar_px(pair, relative, evidence.camera, AS_GIVEN)), motion])
-    residual = np.linalg.norm(reprojection_px(pair, relative, evidence.camera, AS_GIVEN), axis=1)
-    return np.column_stack([residual, motion[np.isfinite(pair.depth_first_m)]])
+    return np.column_stack([residual, motion[np.isfinite(pair.depth_first_m)] if evidence.has_depth else motion])
 
 
 _CAVEAT_SHARE, _FATAL_SHARE = 0.3, 0.8

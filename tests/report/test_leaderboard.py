@@ -1,6 +1,7 @@
 """The leaderboard: who leads, ranks, and costs."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import polars as pl
@@ -58,10 +59,10 @@ def test_the_board_has_the_best_first_with_ranges_of_ranks(three: RunFolder) -> 
     first, second, _ = found.rows
     assert found.why(first, "core") == "distinguished from all others; shown to be better than 2"
     assert found.why(second, "core") == "not distinguished from 1 of 2 others; shown to be worse than 1"
-    assert (
-        "Rank 2 to 3, as of alike, means: 1 is shown to be better by more than 10\N{NO-BREAK SPACE}%, 0 to be worse"
-        in found.reading
-    )
+    of_alike = "Rank 2 to 3 (alike): 1 is shown to be better by more than 10\N{NO-BREAK SPACE}%, 0 worse."
+    assert found.reading == of_alike
+    assert "Ranks are from 8 scenes." in found.cells().caption
+    assert replace(found, scenes=1).reading == f"Ranks are from 1 scene. {of_alike}"
     assert [row[0] for row in found.cells().rows] == ["best", "alike", "other"]
 
 

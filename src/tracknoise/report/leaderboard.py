@@ -86,7 +86,9 @@ class Leaderboard:
     roles
         The statistics that are shown; the first leads.
     scenes
-        How many scenes there are.
+        How many scenes trackers are ranked by.
+    measured
+        How many scenes were measured.
     margin
         Largest relative difference that counts as none.
     disputed
@@ -96,6 +98,7 @@ class Leaderboard:
     standings: tuple[Standing, ...]
     roles: tuple[str, ...]
     scenes: int
+    measured: int
     margin: float
     disputed: str = ""
 
@@ -175,20 +178,28 @@ class Leaderboard:
 
     @property
     def reading(self) -> str:
-        """What ranks say, by one of them, and from how many scenes."""
+        """What ranks say, by one of them, and from how many scenes where these are not all."""
         if not self.is_ranked:
             return "Not ranked."
+        fewer = f"{self._from_scenes} " if self.scenes < self.measured else ""
+        return f"{fewer}{self._one_rank}{self.disputed}"
+
+    @property
+    def _from_scenes(self) -> str:
+        return f"Ranks are from {count(self.scenes, 'scene')}."
+
+    @property
+    def _one_rank(self) -> str:
+        """What one of the ranks says; of those that are a range, the one in the middle."""
         role, n = self.roles[0], len(self.standings)
         ranged = [one for one in self.rows if role in one.ranks and one.ranks[role][0] != one.ranks[role][1]]
         if not ranged:
-            return f"Ranks are from {count(self.scenes, 'scene')}.{self.disputed}"
+            return "No ranks are shared."
         one = max(ranged, key=lambda candidate: min(candidate.ranks[role][0] - 1, n - candidate.ranks[role][1]))
         best, worst = one.ranks[role]
         margin = f"{100.0 * self.margin:.3g}{SPACE}%"
         better = f"{best - 1} {'is' if best == 2 else 'are'} shown to be better by more than {margin}"
-        scenes = count(self.scenes, "scene")
-        means = f"{better}, {n - worst} to be worse"
-        return f"Ranks are from {scenes}. Rank {one.span(role)}, as of {one.tracker}, means: {means}.{self.disputed}"
+        return f"Rank {one.span(role)} ({one.tracker}): {better}, {n - worst} worse."
 
     def cells(self, about: str = "") -> Cells:
         """The same as a plain table, with intervals of sigma, and ranks in brackets. `about`: opens its caption."""
@@ -202,7 +213,8 @@ class Leaderboard:
             for one in self.rows
         ]
         ranked = " In brackets: ranks." if self.is_ranked else ""
-        caption = f"{about}{self.places}{ranked} {self.reading}"
+        scenes = f" {self._from_scenes}" if self.is_ranked and self.scenes >= self.measured else ""
+        caption = f"{about}{self.places}{ranked}{scenes} {self.reading}"
         return Cells(caption, ["tracker", *self.columns], rows, [False, *([True] * len(self.columns))])
 
 
@@ -258,7 +270,8 @@ def leaderboard(data: ReportData) -> Leaderboard | None:
             )
         )
     n_scenes = min(ranks["n_scenes"].to_list())
-    return Leaderboard(tuple(standings), tuple(roles), n_scenes, data.margin, disputed_ranks(ranks))
+    n_measured = len({entry.sequence.scene for entry in data.sequences.values()})
+    return Leaderboard(tuple(standings), tuple(roles), n_scenes, n_measured, data.margin, disputed_ranks(ranks))
 
 
 def roles_of(ranks: pl.DataFrame) -> list[str]:

@@ -302,4 +302,4 @@ def standings(of: Round) -> Leaderboard:
         )
         for tracker, one in of.trackers.items()
     ]
-    return Leaderboard(tuple(found), RANKED, len(of.groups), of.margin)
+    return Leaderboard(tuple(found), RANKED, len(of.groups), len(of.groups), of.margin)

@@ -106,6 +106,22 @@ def test_gaps_between_images_are_named():
     assert any("Ages count frames, not time." in sentence for sentence in found.cautions), found
 
 
+def test_images_that_repeat_while_the_poses_move_are_named():
+    """A driver that hands out a frame twice; where its pose comes twice too, nothing is wrong."""
+    made = simulated()
+    shown = np.where(np.arange(30) % 5 == 4, np.arange(30) - 1, np.arange(30))
+    images, maps = [made.image(place) for place in shown], [made.depth(place) for place in shown]
+
+    def recorded(poses):
+        depths = [np.where(one.valid, one.depth_m, 0.0) for one in maps]
+        again = Sequence.from_arrays(images, poses, made.camera, depths)
+        return doubts(measured(again, tracker=Followed(again, 30)), KINDS)
+
+    found = recorded(made.world_from_camera)
+    assert any("Images repeat: 6 of 29" in one and "The first is frame 4" in one for one in found.cautions), found
+    assert recorded(made.world_from_camera[shown]) == Doubts()
+
+
 def test_clipped_depths_are_named():
     first = simulated().depth(0)
     largest = float(np.quantile(first.depth_m[first.valid], 0.6))

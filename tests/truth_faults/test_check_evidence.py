@@ -17,7 +17,7 @@ from tracknoise.truth_faults.check_report import Severity
 from tracknoise.truth_faults.image_evidence import Evidence, Flow, Pair
 from tracknoise.truth_faults.motion_checks import mistakes, warping
 from tracknoise.truth_faults.pose_accuracy import pose_share
-from tracknoise.truth_faults.recording_checks import repeated_frames, view_changes
+from tracknoise.truth_faults.recording_checks import repeated_frames, repeated_images, view_changes
 
 FRAMES = 60
 EXACT = by_hand(FRAMES)
@@ -246,3 +246,13 @@ def test_views_without_a_common_part_are_no_path():
     )
     assert "These are probably photos in no order" in item.text
     assert view_changes(found(EXACT)[1]) is None
+
+
+def test_images_repeat_where_nothing_moves_but_the_poses():
+    motion_px = dict.fromkeys(range(1, FRAMES), 2.0) | {7: 0.0, 30: 0.0}
+    item = repeated_images(EXACT, motion_px)
+    assert (item.severity, item.values) == (Severity.caveat, {"n_repeated": 2, "first": 7})
+    waits = EXACT.copy()
+    waits[[7, 30]] = EXACT[[6, 29]]
+    assert repeated_images(waits, motion_px) is None
+    assert repeated_images(EXACT, dict.fromkeys(range(1, FRAMES), 0.0)) is None

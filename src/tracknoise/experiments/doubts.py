@@ -26,6 +26,7 @@ from tracknoise.truth_faults.recording_checks import (
     intrinsics,
     pose_jumps,
     repeated_frames,
+    repeated_images,
     timestamps,
     view_changes,
 )
@@ -65,9 +66,11 @@ def doubts(measurement: "Measurement", kinds: Mapping[str, str]) -> Doubts:
     if (views := view_changes(measurement.sequence)) is not None:
         return Doubts((views.text,))
     slowest = observed.filter(pl.col("speed") == observed["speed"].min())
+    of_first = slowest.filter(tracker=slowest["tracker"][0])
     items = [
         *_of_poses(measurement.sequence),
-        *_of_mistakes(measurement, slowest.filter(tracker=slowest["tracker"][0])),
+        *_of_repeated(measurement.sequence, of_first),
+        *_of_mistakes(measurement, of_first),
         *_of_second_camera(measurement),
     ]
     mistakes_and_cautions = _split(items)
@@ -112,6 +115,18 @@ def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> D
     if reported and 2 * len(wrong) >= len(parts):
         return Doubts((*of_poses, reported[0]), tuple(cautions))
     return Doubts(tuple(of_poses), (*cautions, *reported[:1]))
+
+
+def _of_repeated(sequence: Sequence, observed: pl.DataFrame) -> list[Item]:
+    """Images in which no track has moved since the image before, although the poses have."""
+    apart = int(observed["speed"][0])
+    now = observed.select("track", "frame", "u_px", "v_px")
+    before = now.with_columns(pl.col("frame") + apart).rename({"u_px": "u", "v_px": "v"})
+    moved = (pl.col("u_px") - pl.col("u")) ** 2 + (pl.col("v_px") - pl.col("v")) ** 2
+    steps = now.join(before, on=["track", "frame"]).group_by("frame").agg(motion_px=moved.median().sqrt())
+    motion_px = dict(steps.select("frame", "motion_px").sort("frame").iter_rows())
+    item = repeated_images(sequence.world_from_camera, motion_px, apart)
+    return [] if item is None else [item]
 
 
 def _of_mistakes(measurement: "Measurement", observed: pl.DataFrame) -> list[Item]:

@@ -34,6 +34,7 @@ from tracknoise.truth_faults.recording_checks import (
     pose_jumps,
     reader_notes,
     repeated_frames,
+    repeated_images,
     rotations,
     timestamps,
     view_changes,
@@ -113,6 +114,8 @@ def check_sequence(sequence: Sequence, *, seen: Callable[[Sequence, Evidence], N
             evidence = Evidence.measured(sequence)
             if seen is not None:
                 seen(sequence, evidence)
+            motion_px = {step.second: step.motion_px for step in evidence.flow.steps}
+            items += filter(None, [repeated_images(sequence.world_from_camera, motion_px)])
             of_images = list(_from_images(sequence, evidence))
             of_data = (item for item in (*items, *of_images) if item.topic != "warping")
             if not any(item.severity is Severity.fatal for item in of_data):

@@ -22,7 +22,7 @@ class Severity(StrEnum):
     fatal = "fatal"
 
 
-CAUTIONS = frozenset({"pose jumps", "intrinsics", "clipped depth", "repeated frames"})
+CAUTIONS = frozenset({"pose jumps", "intrinsics", "clipped depth", "repeated frames", "repeated images"})
 """Topics about single parts of the data, whose caveats count in the verdict; how much others explain is measured."""
 _WORST = (Trust.not_trusted, Trust.unknown, Trust.limited, Trust.trusted)
 

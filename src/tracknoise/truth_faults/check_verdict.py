@@ -29,7 +29,7 @@ from tracknoise.truth_faults.pose_accuracy import pose_share
 
 _FEWEST = 30
 """Fewest points of an age whose errors have a size."""
-_OF_STATED_POSES = {"pose jumps"}
+_OF_STATED_POSES = {"pose jumps", "repeated images"}
 """Topics that are not about refined poses."""
 
 

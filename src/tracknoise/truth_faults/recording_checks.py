@@ -1,6 +1,6 @@
 """Topics about the recording itself: counts, rates, jumps of poses, and whether scenes are independent."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from collections.abc import Sequence as ListOf
 from itertools import pairwise
 
@@ -173,6 +173,32 @@ def repeated_frames(sequence: Sequence) -> Item | None:
         "Intervals are too narrow; measure one pass."
     )
     return Item("repeated frames", Severity.caveat, text, {"n_repeated": repeated})
+
+
+_STILL_PX, _SEEN_PX = 1e-3, 0.05
+"""Image motion of repeated images, and what faster images of such a recording have at least, px."""
+_SMALL_STEP = 0.25
+"""Part of the median step that a camera moves at least where its images should differ."""
+
+
+def repeated_images(poses: NDArray[np.float64], motion_px: Mapping[int, float], apart: int = 1) -> Item | None:
+    """Images that show what the one before shows, although the camera has moved; None where there are none.
+
+    `motion_px`: median image motion since the image `apart` frames before, by frame.
+    """
+    if len(motion_px) < 2 or np.percentile([*motion_px.values()], 90) < _SEEN_PX:
+        return None
+    has_moved = np.zeros(max(len(poses) - apart, 0), np.bool_)
+    for steps in steps_of(poses, apart):
+        has_moved |= np.nan_to_num(steps) > _SMALL_STEP * _median(steps)
+    repeated = [frame for frame, seen_px in motion_px.items() if seen_px < _STILL_PX and has_moved[frame - apart]]
+    if not repeated:
+        return None
+    text = (
+        f"Images repeat: {len(repeated)} of {len(motion_px)} show what the one before shows, although the poses move. "
+        f"The first is frame {min(repeated)}. Errors there are not the tracker's."
+    )
+    return Item("repeated images", Severity.caveat, text, {"n_repeated": len(repeated), "first": min(repeated)})
 
 
 def steps_of(poses: NDArray[np.float64], frames: int = 1) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -72,6 +72,10 @@ _CLEARLY, _LEAST_PX = 1.5, 0.01
 least size."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
+_MOST = 2.0 / 3.0
+"""Share of what refined poses explain, beyond which an error of the camera explains most of it."""
+_OUTLIER_SIZES = 3.0
+"""Residuals of so many robust sizes do not count where a focal length is fitted."""
 _LEAST_PARALLAX_PX = 2.0
 """Median parallax of reference tracks, without which the images do not tell depths."""
 
@@ -288,7 +292,7 @@ def _compared(
     shown, rows = _shown(tracks)
     first, second = (adjustment.residuals(poses, depth_m)[rows] for poses in halves_of(adjusted) or ())
     best = adjustment.residuals(adjusted.poses, depth_m)
-    by_stated = adjustment.residuals(sequence.world_from_camera, depths.stated_m)
+    by_stated = _by_stated(depths)
     given_px = size(by_stated[age <= AGE])
     by_stated -= best
     next_px = rms(by_stated[age == 1], tracks.frame[age == 1]) if (age == 1).any() else None
@@ -327,23 +331,36 @@ def _compared(
 def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
     """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave, px.
 
-    It has to be established: no poses absorb all of it, or without it stated poses fit tracks of each kind much better.
-    Other poses would only hide it.
+    It has to be established: no poses absorb all of it, or it explains most of what other poses would explain. These
+    would only hide it.
     """
     young = _young(depths)
-    large = {
-        name: fault
+    if any(
+        fault.is_established and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
         for name, fault in depths.faults.items()
-        if name != READOUT and size(fault.size * depths.displaced[name][young]) > _MUCH * stated_px
-    }
-    if any(fault.is_established for fault in large.values()):
+        if name != READOUT
+    ):
         return True
-    return FOCAL in large and _fit_much_better(depths, {"focal_scale": 1.0 + large[FOCAL].size})
+    return _explains_most(depths, {"focal_scale": 1.0 + _focal_error(depths)})
+
+
+def _focal_error(depths: AdjustedDepths) -> float:
+    """The relative change of the focal length that fits best with stated poses, by least squares without outliers."""
+    missed, moved = _by_stated(depths), depths.displaced[FOCAL]
+    used = _young(depths) & np.isfinite(missed + moved).all(axis=1)
+    used &= np.linalg.norm(missed, axis=1) < _OUTLIER_SIZES * size(missed[used])
+    square = float(np.sum(moved[used].astype(np.float64) ** 2))
+    return float(np.sum(moved[used] * missed[used])) / square if square > 0.0 else 0.0
+
+
+def _by_stated(depths: AdjustedDepths) -> Array:
+    """Residuals (n, 2) of reference tracks by stated poses and depths, px."""
+    return depths.adjustment.residuals(depths.sequence.world_from_camera, depths.stated_m)
 
 
 def _is_of_lens(depths: AdjustedDepths) -> bool:
-    """Whether stated poses fit tracks of each kind much better with another k1."""
-    return depths.radial is not None and _fit_much_better(depths, {"k1": depths.radial.size})
+    """Whether another k1 explains most of what other poses would explain."""
+    return depths.radial is not None and _explains_most(depths, {"k1": depths.radial.size})
 
 
 def _young(depths: AdjustedDepths) -> NDArray[np.bool_]:
@@ -351,18 +368,27 @@ def _young(depths: AdjustedDepths) -> NDArray[np.bool_]:
     return np.asarray(tracks.frame - tracks.birth[tracks.track] <= AGE)
 
 
-def _fit_much_better(depths: AdjustedDepths, correction: dict[str, Any]) -> bool:
-    """Whether stated poses and depths fit tracks of each kind much better with a corrected camera."""
+def _explains_most(depths: AdjustedDepths, correction: dict[str, Any]) -> bool:
+    """Whether a corrected camera with stated poses and depths explains most of what refined poses do.
+
+    Of squared residuals of tracks of each kind, whose own errors neither explains.
+    """
     try:
         other = depths.with_camera(Corrections(**correction))
     except (DataError, SettingsError):  # numbers that no camera has
         return False
-    tracks, young = depths.adjustment.tracks, _young(depths)
-    poses = depths.sequence.world_from_camera
-    before, after = (one.residuals(poses, depths.stated_m) for one in (depths.adjustment, other))
+    tracks, young, best = depths.adjustment.tracks, _young(depths), depths.best
+    residuals = (
+        _by_stated(depths),
+        other.residuals(depths.sequence.world_from_camera, depths.stated_m),
+        depths.adjustment.residuals(best.poses, best.depth_m),
+    )
     kind = tracks.kind[tracks.track]
-    of_kinds = (young & (kind == number) for number in np.unique(kind))
-    return all(size(after[rows]) < (1.0 - _MUCH) * size(before[rows]) for rows in of_kinds)
+    for of_kind in (young & (kind == number) for number in np.unique(kind)):
+        before, after, by_refined = (size(one[of_kind]) ** 2 for one in residuals)
+        if not before - after > _MOST * max(before - by_refined, 0.0) > 0.0:
+            return False
+    return True
 
 
 def stated_errors(found: RefinedPoses) -> dict[str, float] | None:

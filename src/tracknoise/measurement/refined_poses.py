@@ -74,6 +74,8 @@ _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
 _MOST = 2.0 / 3.0
 """Share of what refined poses explain, beyond which an error of the camera explains most of it."""
+_CLEAR = 2.0
+"""Standard deviations by which a focal length is off that refined poses leave, and stated ones explain."""
 _OUTLIER_SIZES = 3.0
 """Residuals of so many robust sizes do not count where a focal length is fitted."""
 _LEAST_PARALLAX_PX = 2.0
@@ -331,7 +333,8 @@ def _compared(
 def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
     """Whether an error of the focal length, or of the kind of depth, makes much of what stated poses leave, px.
 
-    It has to be established: no poses absorb all of it, or it explains most of what other poses would explain. These
+    It has to be established: no poses absorb all of it. That is too little to see where it is small. The focal length
+    that fits with stated poses then has to be confirmed, and to explain most of what other poses would explain. These
     would only hide it.
     """
     young = _young(depths)
@@ -341,7 +344,9 @@ def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
         if name != READOUT
     ):
         return True
-    return _explains_most(depths, {"focal_scale": 1.0 + _focal_error(depths)})
+    focal, with_stated = depths.faults[FOCAL], _focal_error(depths)
+    least = max(abs(with_stated) / 2.0, _CLEAR * focal.deviation)
+    return focal.size * np.sign(with_stated) > least and _explains_most(depths, {"focal_scale": 1.0 + with_stated})
 
 
 def _focal_error(depths: AdjustedDepths) -> float:

@@ -341,6 +341,31 @@ def test_what_one_tracker_bounds_in_px_bounds_others_by_how_far_faults_move_them
         assert truth.explained_share("sift") == pytest.approx(times * truth.explained_share("lk"))
 
 
+@pytest.mark.parametrize(
+    ("of_others", "expected"), [((0.002, 0.001, 0.003), "trusted"), ((0.7, 0.6, 0.8), "not trusted")]
+)
+def test_a_motion_of_one_tracker_is_its_own_where_another_one_has_no_errors(of_others: Share, expected: str) -> None:
+    """A tracker with a bias beside one without: the truth of both is the same."""
+    rows = [
+        {"tracker": name, "correction": "measured", "age": 8, "n": 500, "core_u_px": core, "core_v_px": core}
+        for name, core in (("exact", 1e-6), ("biased", 0.5))
+    ]
+    like_faults = audit(faults=(0.38, 0.32, 0.44)).filter(parameter="every_fault")
+    found = table(
+        audit=pl.concat(
+            [
+                with_moved(exact=1.0, biased=1.0).with_columns(component=pl.col("component").replace("lk", "exact")),
+                like_faults.with_columns(component=pl.lit("biased")),
+                audit().filter(parameter="depths").with_columns(component=pl.lit("biased")),
+            ]
+        ),
+        pose_shares=poses(exact=(SMALL, SMALL), biased=((0.76, 0.75, 0.77), of_others)),
+        sizes={"exact": ErrorSize(8, 1e-6), "biased": ErrorSize(8, 0.7)},
+        curves=pl.DataFrame(rows, schema=dict(AUDIT_CURVES)),
+    )
+    assert TruthVerdict.of(found).verdict == expected
+
+
 def test_faults_move_near_points_farther() -> None:
     """One tracker has points at 1 to 5 m; the other one has these too, or only those nearer than 1.5 m."""
     rng = np.random.default_rng(2)

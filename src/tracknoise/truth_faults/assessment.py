@@ -208,10 +208,10 @@ class _Bounds:
     depth_maps: _Share | None
     is_alone: bool
 
-    @property
-    def least(self) -> float:
-        """What one of the causes explains at least."""
-        return max(share.low for share in self.causes.values())
+    def least(self, *, is_faulty: bool) -> float:
+        """What one of the causes explains at least. `is_faulty`: whether a constant fault is established."""
+        unsure = set() if is_faulty else {TruthCause.any_fault}
+        return max(share.low for cause, share in self.causes.items() if cause not in unsure)
 
     @property
     def largest(self) -> TruthCause:
@@ -406,16 +406,17 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
     A cause that is unknown of one tracker may explain everything, unless another tracker bounds it: (truth.common).
 
     A motion that a tracker's own tracks show is established where pose errors that are fitted to other trackers explain
-    something too, or there is no other: the noise of the others is in what they predict, so that they explain less. It
-    contradicts what is stated, for all trackers, where it surely explains more of at least half of them. A single
-    tracker has small motions of its own also on exact data, and so have trackers of one kind: without another one to
-    confirm it, a motion is established, and contradicts, only if it explains most of the errors.
+    much of it too, or there is no other: others explain less where they see other points. It contradicts what is
+    stated, for all trackers, where it surely explains more of at least half of them. A single tracker has small motions
+    of its own also on exact data, and so have trackers of one kind: without another one to confirm it, a motion is
+    established, and contradicts, only if it explains most of the errors.
     """
     bounds, by_maps, by_poses = list[_Bounds](), list[bool](), list[bool]()
     for tracker, size in sizes.items():
         poses, of_others = _by_source(evidence.pose_shares, tracker)
-        if poses is not None and of_others is not None and of_others.low == 0.0:
-            poses = replace(poses, low=0.0)
+        if poses is not None and of_others is not None:
+            is_shared = of_others.low > 0.0 and of_others.value > _SHARED * poses.value
+            poses = poses if is_shared else replace(poses, low=min(poses.low, of_others.low))
         depths, depth_maps = (_of_audit(evidence.audit, name, tracker) for name in (DEPTHS, DEPTH_MAPS))
         causes = {
             TruthCause.any_fault: _of_audit(evidence.audit, EVERY_FAULT, tracker),
@@ -432,7 +433,8 @@ def _bounds(evidence: TruthEvidence, sizes: Mapping[str, _Size], *, is_faulty: b
     if all(_UNKNOWN in bound.causes.values() for bound in bounds):
         return []
     is_refuted = any(by_maps) or 2 * sum(by_poses) >= max(len(by_poses), 1)
-    return _common(bounds if is_faulty or is_refuted else [_as_stated(bound) for bound in bounds], evidence)
+    bounds = bounds if is_faulty or is_refuted else [_as_stated(bound) for bound in bounds]
+    return _common(bounds, evidence, is_faulty=is_faulty)
 
 
 def _least_of_motion(*, is_alone: bool) -> float:
@@ -463,10 +465,11 @@ def _with_stated(stated: float, causes: Mapping[TruthCause, _Share]) -> float:
     return stated if stated < _EXACT else max(stated, *measured)
 
 
-def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]:
+def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence, *, is_faulty: bool) -> list[_Bounds]:
     """Bounds of trackers by what others bound, at the ages that all of them have: (truth.common).
 
-    None is smaller than what a cause surely explains of the tracker itself.
+    None is smaller than what a cause surely explains of the tracker itself. Constant faults are sure where one is
+    established: a bias of the tracker looks like them.
     """
     squares = _squares(evidence.curves, [bound.tracker for bound in bounds])
     rows = evidence.audit.filter(family=str(Family.at_most), parameter=MOVED).drop_nulls("value")
@@ -475,7 +478,10 @@ def _common(bounds: Sequence[_Bounds], evidence: TruthEvidence) -> list[_Bounds]
         return list(bounds)
     least = min(bound.high * squares[bound.tracker] for bound in bounds)
     most = {name: factor * least / squares[name] for name, factor in moved.items() if name in squares}
-    return [replace(bound, high=min(bound.high, max(most.get(bound.tracker, 1.0), bound.least))) for bound in bounds]
+    return [
+        replace(bound, high=min(bound.high, max(most.get(bound.tracker, 1.0), bound.least(is_faulty=is_faulty))))
+        for bound in bounds
+    ]
 
 
 def _squares(curves: pl.DataFrame, trackers: Sequence[str]) -> dict[str, float]:
@@ -521,6 +527,8 @@ def refutes(confirmed_share: float | None, share: float) -> bool:
 
 
 _CONFIRMED = 0.5
+_SHARED = 0.25
+"""Part of a motion that other trackers have at least, if it is one of the truth."""
 
 
 def _refuted(evidence: TruthEvidence) -> _Found:

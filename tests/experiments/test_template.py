@@ -1,6 +1,7 @@
 """The first experiment file of a recording can be loaded, and reads the recording that it is about."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from tests.contract.test_sequences import LAYOUTS
 from tests.experiments.test_execute import Silent
 from tests.writers.euroc import BODY_FROM_CAMERA, write_euroc, write_images, write_sensor
 
+from tracknoise.cli.moved import moved
 from tracknoise.experiments.execute import execute
 from tracknoise.experiments.load import load_experiment, resolve
 from tracknoise.experiments.template import experiment_template, name_of
@@ -32,7 +34,11 @@ def test_every_reader_has_one_that_opens_the_recording(name, tmp_path):
     root = getattr(written, "root", None)
     assert root is None or recognise(root) == name
     file = tmp_path / "first.toml"
-    file.write_text(experiment_template(written, root, chosen_options(written)))
+    text = experiment_template(written, root, chosen_options(written))
+    file.write_text(text)
+    named = re.findall(r"tracknoise ([a-z]+[^;.,\n]*)", text)
+    assert named
+    assert not [command for command in named if moved(command.split())]  # which are no commands any more
     dataset = resolve(load_experiment(file)).dataset
     made = make_reader(dataset.reader, dataset.root, dataset.options)
     assert made.sequences() == written.sequences()

@@ -105,7 +105,7 @@ def _heading(name: str, checked: str, first: Sequence) -> list[str]:
         f"# {counted(len(first), 'frame')} of {first.camera.width}x{first.camera.height} px in the first sequence.",
         *(f"# Note of the reader: {' '.join(note.split())}" for note in first.notes),
         f"# Check the recording before you measure it: tracknoise check {checked}",
-        "# All keys of this file: tracknoise run --schema",
+        "# All keys of this file: docs/experiment.schema.json in the repository",
         _entry("name", name),
         f"{_entry('speeds', speeds)}  # at speed s, trackers see every s-th frame",
     ]

@@ -599,6 +599,8 @@ class Assignment:
                 raise DataError(rows.path, f"no {self.frames_by}", f"a column of it where frames_by = {self.frames_by}")
             return self.frames_by
         moments = [by for by in Moment if rows.has(by)]
+        if not moments:
+            raise DataError(rows.path, "rows without a frame, time or image", "one of them in each row")
         return next((by for by in moments if by is not Moment.time or context.timestamps_s is not None), moments[0])
 
     def _compared(self, rows: Rows, by: Moment, context: SequenceContext) -> Iterator[str]:

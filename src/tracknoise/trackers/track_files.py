@@ -365,9 +365,11 @@ def _when(observed: _Observed, seen: NDArray[np.bool_], chosen: Selection) -> tu
     when: dict[str, NDArray[Any]] = {}
     names: dict[Moment, str] = {}
     images = [name for name in ("frame", *columns) if name in columns and (name == "frame" or key(name) in IMAGES)]
+    is_alone = "frame" not in columns and not any(key(name) in TIMES for name in columns)
     for name in images:
         texts = observed.table[name].cast(pl.String).fill_null("").to_list()
-        if all(is_image_name(text) for text, is_seen in zip(texts, seen, strict=True) if is_seen):
+        is_named = str.strip if is_alone else is_image_name  # names may have no ending
+        if all(is_named(text) for text, is_seen in zip(texts, seen, strict=True) if is_seen):
             when["image"], names[Moment.image] = np.array(texts, dtype=np.str_), name
             break
     if "frame" in columns and names.get(Moment.image) != "frame" and chosen.frames_by in (None, Moment.frame):

@@ -239,6 +239,15 @@ def test_image_names_show_the_frame(name, column, tmp_path):
     assert found(written(tmp_path / "tracks.csv", rows)) == expected(SEEN)
 
 
+@pytest.mark.parametrize("name", [lambda k: NAMES[k].removesuffix(".png"), lambda k: f"frame_{1000 + k}"])
+def test_image_names_without_an_ending_show_the_frame_where_nothing_else_does(name, tmp_path):
+    rows = SEEN.drop("frame").with_columns(pl.Series("image", [name(k) for k in SEEN["frame"]]))
+    assert found(written(tmp_path / "tracks.csv", rows)) == expected(SEEN)
+    some = rows.with_columns(image=pl.when(pl.int_range(pl.len()) > 0).then("image"))
+    with pytest.raises(DataError, match="rows without a frame, time or image, expected one of them in each row"):
+        found(written(tmp_path / "some.csv", some))
+
+
 def test_names_of_images_that_are_numbers_or_times_do_where_no_files_are_known(tmp_path):
     for of in (lambda k: f"{k:06d}.png", lambda k: f"{1e9 * TIMES[k]:.0f}.png", lambda k: f"{TIMES[k]:.6f}.png"):
         rows = SEEN.drop("frame").with_columns(pl.Series("image", [of(k) for k in SEEN["frame"]]))

@@ -8,6 +8,8 @@ import pytest
 
 from tracknoise.analysis.condition_units import USUAL, Sampling
 from tracknoise.analysis.covariance_verdicts import are_of_use, are_right, have_right_shape, own_covariances
+from tracknoise.geometry.cameras import Camera
+from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.inference.units import SceneGroups
 from tracknoise.statistics.joining import Part, join
 from tracknoise.statistics.own_covariances import covariance_sums, relative, sums_of_covariances
@@ -217,6 +219,30 @@ def test_an_error_has_the_covariance_of_both_positions() -> None:
     assert found[1].tolist() == [4.0, 0.5, 3.0]
     assert found[3].tolist() == [4.0, 1.0, 4.0]  # a first position without a covariance counts as exact
     assert np.isnan(found[4]).all()  # not positive definite
+
+
+def test_the_error_of_the_first_position_is_magnified_with_the_image(observations, tracks) -> None:
+    """A camera that halves the distance to a point: of the same noise in both images, the first counts twice."""
+    poses = np.tile(np.eye(4), (2, 1, 1))
+    poses[1, 2, 3] = 2.0
+    camera = Camera(width=640, height=480, fx=400.0, fy=400.0, cx=320.0, cy=240.0)
+    geometry = FrameGeometry(poses, (camera,), np.zeros(2, np.intp))
+    n = 4000
+    track, age = np.repeat(np.arange(n), 2), np.tile([0, 1], n)
+    noise = 0.3 * np.random.default_rng(1).standard_normal((n, 2, 2))
+    error = np.stack([np.zeros((n, 2)), noise[:, 1] - 2.0 * noise[:, 0]], axis=1).reshape(-1, 2)
+    table = observations(
+        track=track.tolist(), age=age.tolist(), frame=age.tolist(), du_px=error[:, 0].tolist(),
+        dv_px=error[:, 1].tolist(), u_true_px=330.0, v_true_px=250.0, truth="valid",
+    )  # fmt: skip
+    entries = dict(zip(COLUMNS, (0.09, 0.0, 0.09), strict=True))
+    table = table.with_columns(pl.lit(value, pl.Float32).alias(name) for name, value in entries.items())
+    prepared = prepare_sequence(table, tracks(track=list(range(n)), lifetime=2, depth_m=4.0))
+    right, plain = (
+        covariance_sums(prepared, of).filter(pl.col("at").is_null(), trimming="untrimmed") for of in (geometry, None)
+    )
+    assert right["squares"].sum() / right["n"].sum() / 2.0 == pytest.approx(1.0, abs=0.05)
+    assert plain["squares"].sum() / plain["n"].sum() / 2.0 == pytest.approx(2.5, abs=0.12)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from tracknoise.processes import release_memory
 from tracknoise.sequences.other_poses import path_between_frames
 from tracknoise.sequences.sequence import TRIANGULATED, Sequence, TruthKind, camera_at, second_of, shutter_of, times_of
 from tracknoise.statistics.noise_sums import noise_tables
+from tracknoise.statistics.own_covariances import covariance_sums
 from tracknoise.statistics.pair_sums import pair_sums
 from tracknoise.statistics.places import image_map
 from tracknoise.statistics.prepared import PreparedSequence
@@ -160,6 +161,7 @@ def _of_errors(
     """Tables of the noise of trackers of one camera."""
     with_depth = truth != TRIANGULATED
     tables = window_noise(prepared, geometry, population=population, with_depth=with_depth)
+    tables = {**tables, "covariance_sums": covariance_sums(prepared, geometry)}
     return {**tables, **(_of_depth(prepared, geometry, population) if with_depth else {})}
 
 

@@ -2,8 +2,9 @@
 
 An error is the difference of two observed positions, carried along by the scene: that of now, and the first one (or
 that of the key frame), where it is zero by construction. The covariance of the error is therefore that of now plus that
-of the first position, C = C_now + C_first (relative). The magnification of the image is taken as 1. A first position
-without a covariance counts as exact.
+of the first position, C = C_now + M^2 C_first (relative). M = Z_0 / Z_k is the magnification of the image since then,
+which is taken as 1 where depths are not known and where a key frame fixes true positions. A first position without a
+covariance counts as exact.
 
 Whitened errors z = C^(-1/2) e show whether the shape of C is right: in no frame of axes are they larger along one axis
 than along the other. Axes are those of the image, of C itself, and along and across the motion of the true position.
@@ -19,7 +20,9 @@ import numpy as np
 import polars as pl
 from numpy.typing import NDArray
 
+from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.definitions import STEPS
+from tracknoise.statistics.noise_sums import magnifications
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances
@@ -39,7 +42,12 @@ def own_covariances(columns: Sequence[str]) -> Iterator[tuple[str, list[str]]]:
         yield names[0].removeprefix(QUALITY_PREFIX).removesuffix("_uu"), list(names)
 
 
-def relative(entries: NDArray[np.float64], track: NDArray[np.intp], is_first: NDArray[np.bool_]) -> NDArray[np.float64]:
+def relative(
+    entries: NDArray[np.float64],
+    track: NDArray[np.intp],
+    is_first: NDArray[np.bool_],
+    magnification: NDArray[np.float64] | float = 1.0,
+) -> NDArray[np.float64]:
     """Covariances of errors, (n, 3) px^2: uu, uv and vv, NaN where unknown or not positive definite. See (relative).
 
     Parameters
@@ -50,10 +58,12 @@ def relative(entries: NDArray[np.float64], track: NDArray[np.intp], is_first: ND
         Number of the track of each, from 0.
     is_first : (n,)
         Whether the error of a track is zero there by construction.
+    magnification : (n,)
+        Of the image since then.
     """
     first = np.zeros((int(track.max(initial=-1)) + 1, 3))
     first[track[is_first]] = np.nan_to_num(entries[is_first])
-    summed = entries + first[track]
+    summed = entries + (np.broadcast_to(magnification, len(track)) ** 2)[:, None] * first[track]
     return np.where((_definite(entries) & _definite(summed))[:, None], summed, np.nan)
 
 
@@ -67,8 +77,10 @@ def inside(squared: NDArray[np.float64]) -> list[NDArray[np.bool_]]:
     return [squared <= -2.0 * np.log1p(-level) for level in LEVELS]
 
 
-def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
+def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None = None) -> pl.DataFrame:
     """Sums over the visible observations that have a predicted covariance, before and after trimming.
+
+    `geometry`: of the frames, by which the image is magnified.
 
     Returns schema `COVARIANCE_SUMS`, sorted: rows of the ages of `STEPS`, and of all ages together, whose `at` is null.
     """
@@ -77,12 +89,13 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
     later = seen.visible & (seen.at != zero)
     steps = pl.Series(np.abs(seen.at - zero) / seen.speed).is_in(list(map(float, STEPS)))
     parts, motion = [pl.DataFrame(schema=dict(COVARIANCE_SUMS))], _directions(sequence)
+    magnification = 1.0 if geometry is None or sequence.key_frame is not None else _magnified(sequence, geometry)
     for name, columns in own_covariances(sequence.observations.columns):
         entries = sequence.observations.select(pl.col(columns).cast(pl.Float64).fill_null(np.nan)).to_numpy()
         predicted = later & ~np.isnan(entries).any(axis=1)
         if not predicted.any():
             continue
-        covariance = relative(entries, sequence.track_row, seen.at == zero)
+        covariance = relative(entries, sequence.track_row, seen.at == zero, magnification)
         for trimming, kept in {Trimming.untrimmed: predicted, Trimming.trimmed: predicted & seen.kept}.items():
             rows = np.flatnonzero(kept)
             table = _values(sequence, rows, covariance[rows], motion[rows])
@@ -95,6 +108,16 @@ def covariance_sums(sequence: PreparedSequence) -> pl.DataFrame:
                 parts.append(labelled.select(pl.col(key).cast(kind) for key, kind in COVARIANCE_SUMS.items()))
     keys = [key for key in COVARIANCE_SUMS if key not in _SUMS]
     return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
+
+
+def _magnified(sequence: PreparedSequence, geometry: FrameGeometry) -> NDArray[np.float64]:
+    """Magnification of the image since each track began, (rows,); 1 where it is unknown."""
+    rows = sequence.ordered
+    begins = np.flatnonzero(np.diff(sequence.track_row[rows], prepend=-1))
+    magnified = np.ones(len(rows))
+    known = magnifications(sequence, geometry, rows, begins, np.diff(np.append(begins, len(rows))))
+    magnified[rows] = np.nan_to_num(known, nan=1.0)
+    return magnified
 
 
 def _directions(sequence: PreparedSequence) -> NDArray[np.float64]:

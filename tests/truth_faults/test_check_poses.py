@@ -108,6 +108,13 @@ def test_an_exact_truth_is_not_adjusted(exact):
         refined_trajectory(exact)
 
 
+def test_a_trajectory_that_is_as_good_as_a_refined_one_stays_as_stated(exact):
+    unknown = Spoilt(exact, exact.world_from_camera, TruthAccuracy())
+    trajectory, (note,) = refined_trajectory(unknown)
+    assert note.endswith("The stated poses differ from refined ones by less than reference tracks can resolve.")
+    assert trajectory.world_from_camera == pytest.approx(exact.world_from_camera)
+
+
 def test_a_trajectory_of_several_windows_is_better_than_the_stated_one(spoilt, exact, monkeypatch):
     whole, notes = refined_trajectory(spoilt)
     assert notes == ()

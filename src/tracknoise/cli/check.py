@@ -164,7 +164,8 @@ def _write_trajectory(terminal: Terminal, opened: "Recording", name: "SequenceId
     trajectory, notes = refined_trajectory(opened.view(opened.reader.open(name)))
     for note in notes:
         terminal.warn(f"{readable(name.key)}: {note}")
-    write_atomically(path, trajectory_text(trajectory, f"refined poses of {readable(name.key)}").encode())
+    about = ": ".join([f"refined poses of {readable(name.key)}", *filter(None, [" ".join(notes)])])
+    write_atomically(path, trajectory_text(trajectory, about).encode())
     terminal.say(f"written: {path.resolve()}")
 
 

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import nnls
 from scipy.spatial.transform import Rotation
+from scipy.special import fdtri
 
 from tracknoise.exceptions import DataError, SettingsError
 from tracknoise.geometry.accuracy import TruthAccuracy
@@ -70,6 +71,8 @@ _MOST_RESIDUAL_PX = 3.0
 _CLEARLY, _LEAST_PX = 1.5, 0.01
 """How much larger what the stated poses would add has to be than what is left of the errors of refined ones, and its
 least size."""
+_BY_CHANCE = 1e-3
+"""Probability with which exact poses of few frames look worse than refined ones."""
 _MUCH = 1.0 / 3.0
 """Share of the errors by stated poses that an error of the camera makes, beyond which poses are not refined."""
 _MOST = 2.0 / 3.0
@@ -314,7 +317,7 @@ def _compared(
     if _is_of_camera(depths, given_px):
         return replace(fit, leads=False, reason=of_camera)
     most_px = max(stated_px, next_px or 0.0)  # errors that repeat may be the same in both frames
-    if not (most_px > max(_CLEARLY * left_px, _LEAST_PX) or adjusted.joins_depths):
+    if not (most_px > max(_clearly(len(adjusted.poses)) * left_px, _LEAST_PX) or adjusted.joins_depths):
         reason = "The stated poses differ from refined ones by less than reference tracks can resolve."
         return replace(fit, leads=False, reason=reason)
     if _is_of_lens(depths):
@@ -328,6 +331,15 @@ def _compared(
         reason = "The stated accuracy of the poses is better than reference tracks can resolve."
         return replace(fit, leads=False, reason=reason)
     return fit
+
+
+def _clearly(frames: int) -> float:
+    """How much larger what the stated poses would add has to be than what is left of the errors of refined ones.
+
+    Both sizes are of three motions of the image in each frame: few frames may differ by more, by chance.
+    """
+    degrees = 3 * max(frames - 1, 1)
+    return max(_CLEARLY, float(np.sqrt(fdtri(degrees, degrees, 1.0 - _BY_CHANCE))))
 
 
 def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:

@@ -65,12 +65,12 @@ def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
     """The whole sequence with refined poses, which go on from the first stated one, and what is to be known of them.
 
     Windows of frames are refined one by one. Each begins with the last frame of the one before. Relative poses of a
-    window that is not refined stay as stated.
+    window that is not refined, because the stated ones are as good or nothing determines them, stay as stated.
 
     Raises
     ------
     DataError
-        If no window is refined, or an image or depth map cannot be read.
+        If reference tracks determine no window, or an image or depth map cannot be read.
     """
     n_frames = len(sequence)
     poses, moved = np.full((n_frames, 4, 4), np.nan), np.eye(4)
@@ -85,7 +85,7 @@ def refined_trajectory(sequence: Sequence) -> tuple[Sequence, tuple[str, ...]]:
         if start and np.isfinite(poses[start]).all() and np.isfinite(part_poses[0]).all():
             moved = poses[start] @ invert(part_poses[:1])[0]
         poses[part.start : part.stop] = moved @ part_poses
-    if not any(fit.leads for fit in fits):
+    if not any(fit.leads or fit.stated_px is not None for fit in fits):
         raise DataError(sequence.source, fits[0].reason.rstrip("."), "poses that reference tracks refine")
     return RefinedPoses.of(sequence, poses), tuple(notes)
 

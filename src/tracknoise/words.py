@@ -229,7 +229,7 @@ def interval_text(level: float, resampled: str, n_scenes: Sequence[int]) -> str:
 
 def intervals_at(level: float) -> str:
     """Name intervals of a level between 0 and 1: ``95 % intervals``."""
-    return f"{100 * level:g}{SPACE}% intervals"
+    return f"{100 * level:.4g}{SPACE}% intervals"
 
 
 def coverage_sentence(opening: str, level: float, coverage: float | None) -> str:

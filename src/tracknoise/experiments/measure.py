@@ -15,7 +15,7 @@ from tracknoise.checks import require
 from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.corrections import UNCORRECTED, Corrections
 from tracknoise.measurement.refined_poses import Leading
-from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences
+from tracknoise.measurement.sequence_tables import SequenceTables, measure_sequences, require_length
 from tracknoise.measurement.tracking import Progress, TrackerSetup
 from tracknoise.sequences.corrected import corrected
 from tracknoise.sequences.likely_times import require_likely_times
@@ -231,6 +231,7 @@ def measure(
     require_options(corrections, accuracy, max_frames, seed)
     require(poses in get_args(Poses), "poses", poses, "refined or stated")
     first, *second = (chosen_frames(corrected(view, corrections), frames) for view in given)
+    require_length(first, min(len(first), max_frames or len(first)), checked_speeds(speeds))
     led = Leading.of([first], second, kind=truth, rule=accuracy, n_frames=max_frames, only_stated=poses == "stated")
     (measured,) = measure_together(
         led.sequences,

@@ -39,6 +39,7 @@ from tracknoise.experiments.run_lock import Claim
 from tracknoise.experiments.settings import Experiment
 from tracknoise.experiments.wrong_tracks import confirmed_share, largest, wrong_in_most, wrong_tracks
 from tracknoise.measurement.refined_poses import Leading
+from tracknoise.measurement.sequence_tables import require_length
 from tracknoise.measurement.tracking import Progress
 from tracknoise.processes import raise_if_interruption, release_memory
 from tracknoise.sequences.images import content_hash, encode_png
@@ -201,6 +202,8 @@ def _measure_batch(
         parts = () if batch[0].parts else parts_of(batch[0], sequences[0])
         if parts:
             return InParts(parts)
+        for sequence in sequences:
+            require_length(sequence, len(sequence), batch[0].speeds)
         truth = batch[0].experiment.truth
         led = Leading.of(
             sequences,

@@ -284,7 +284,7 @@ def measure_sequences(
     n_frames = min(len(sequences[0]), max_frames or len(sequences[0]))
     truths = make_truths(sequences, truth, scan_rule=scan_rule)
     for sequence, its_truth in zip(sequences, truths, strict=True):
-        _check_length(sequence, n_frames, setups)
+        require_length(sequence, n_frames, [setup.speed for setup in setups])
         _check_key_frame(sequence, n_frames, setups, its_truth.key_frame)
     second_truths = open_second_truths(sequences, truths, second, scan_rule=scan_rule)
     results = run_trackers(
@@ -347,18 +347,16 @@ def _sequence_tables(
     )
 
 
-def _check_length(sequence: Sequence, n_frames: int, setups: Items[TrackerSetup]) -> None:
+def require_length(sequence: Sequence, n_frames: int, speeds: Items[int]) -> None:
+    """Refuse so many frames of a sequence, where they are too few for a speed or have no poses."""
     if n_frames < 2:
         raise DataError(
             sequence.source, f"a sequence of {n_frames} frame", "at least 2, so that features can be tracked"
         )
-    for setup in setups:
-        if setup.speed >= n_frames:
-            raise DataError(
-                sequence.source,
-                f"speed {setup.speed} for a sequence of {counted(n_frames, 'frame')}",
-                f"a speed of at most {n_frames - 1}",
-            )
+    for speed in speeds:
+        if speed >= n_frames:
+            found = f"speed {speed} for a sequence of {counted(n_frames, 'frame')}"
+            raise DataError(sequence.source, found, f"a speed of at most {n_frames - 1}")
     require_some_poses(sequence.world_from_camera[:n_frames], sequence.source)
 
 

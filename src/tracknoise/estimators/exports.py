@@ -540,7 +540,7 @@ def text(about: Estimator, first_lines: Iterable[str], sentences: Iterable[str])
 
 def _of_model(noise: Noise) -> Iterator[str]:
     if noise.set_to is not None:
-        yield from _of_advice(noise.model, noise.advice)
+        yield from _of_advice(noise)
     if noise.model.truth.verdict is not Trust.trusted:
         yield noise.model.truth.sentence
     yield from of_common(noise.model, noise.about, noise.set_to)
@@ -577,8 +577,9 @@ def _why_independent(model: ExportedModel, about: Estimator) -> str:
     return "the effect of errors in common on sigma was not computed"
 
 
-def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
+def _of_advice(noise: Noise) -> Iterator[str]:
     """What sigma, gates and loss rest on, and what they risk."""
+    model, advice = noise.model, noise.advice
     yield from of_both(model)
     if advice.simulated:
         yield f"Windows are simulated: no recording has {advice.window} successive frames with motion."
@@ -587,7 +588,7 @@ def _of_advice(model: ExportedModel, advice: Advice) -> Iterator[str]:
     if advice.kernel is not None and advice.windows:
         yield (
             f"Sigma and loss belong together. In trials on {advice.windows} windows, they made "
-            f"{PURPOSES[advice.purpose]} right. Without the loss, sigma is larger."
+            f"{PURPOSES[advice.purpose]} right. Without the loss, sigma is {significant(noise.plain_sigma, 3)} px."
         )
     elif advice.landmark is Landmark.KNOWN and advice.sigma.low is None:
         yield "Sigma has no interval: an interval needs six scenes with sampled tracks."

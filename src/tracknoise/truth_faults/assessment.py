@@ -549,9 +549,7 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
         text = f"{sentence_case(worst.established_text)} {share}.{noise}"
         return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
-    of_faults = (
-        f" {_faults_text(faults)} But {_they_explain(faults)} little." if faults.rows else _like_bias(evidence.audit)
-    )
+    of_faults = _small_faults(evidence, faults) if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
     step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
     if worst.high > MOST:
@@ -642,6 +640,14 @@ def _faults_text(faults: _Named) -> str:
     named = [*others[:_MOST_OTHERS], *(["another parameter"] if len(others) > _MOST_OTHERS else [])]
     more = f" {sentence_case(listing(named))} {'is' if len(others) == 1 else 'are'} wrong too." if others else ""
     return f"{fault_brief(faults.rows[0])}.{more}"
+
+
+def _small_faults(evidence: TruthEvidence, faults: _Named) -> str:
+    """Faults that explain little, after a space. Of a check, whose one tracker cannot establish so small ones."""
+    if not evidence.is_check:
+        return f" {_faults_text(faults)} But {_they_explain(faults)} little."
+    names = [f"another {FAULTS[Parameter(row['parameter'])].name}" for row in faults.rows[: 1 + _MOST_OTHERS]]
+    return f" Tracked points fit a little better with {listing(names)}: this may be a bias of the tracks."
 
 
 def _explains(faults: _Named) -> str:

@@ -14,7 +14,9 @@ from tracknoise.sequences.recorded import RecordedSequence
 from tracknoise.tables.enumerations import Trust
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.truth_faults.audit_summary import fault_brief
 from tracknoise.truth_faults.recording_checks import counts, pose_jumps, timestamps
+from tracknoise.words import SPACE
 
 
 def sequence(n, **changes):
@@ -76,3 +78,9 @@ def test_sigma_is_an_upper_bound_where_the_truth_is_not_usable(verdict, most):
     innovations = replace(equivalents[0], purpose=Purpose.INNOVATIONS)
     model = made_model(0.1, 0.2, equivalents=(*equivalents, innovations), truth=TruthVerdict(verdict))
     assert f"set sigma {most}0.3 px (0.2 to 0.4)" in " ".join(model_sentences(model, "filter"))
+
+
+def test_a_fault_whose_name_says_no_direction_is_said_with_its_size() -> None:
+    row = {"parameter": "readout", "component": "", "stated": 0.0, "value": 26.98, "low": 21.3, "high": 32.6}
+    said = fault_brief({**row, "unit": "ms"}).replace(SPACE, " ")
+    assert said == "The readout time of the shutter is wrong (27 ± 6 ms instead of 0)"

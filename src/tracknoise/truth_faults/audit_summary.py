@@ -152,9 +152,10 @@ def _opening(parameter: Parameter, stated: float, value: float, frames: int) -> 
         is_focal = parameter is Parameter.focal_length
         words = ("too long", "too short") if is_focal else ("too large", "too small")
         return f"The {'stated ' if is_focal else ''}{name} is {percent(abs(excess))} {words[excess < 0]}"
-    return f"The {name} is wrong"
+    return f"The {name}{_IS_WRONG}"
 
 
+_IS_WRONG = " is wrong"
 _INVERSE_DEPTHS = "The inverse depths are off by a constant, as those of stereo with a wrong disparity"
 _ROTATIONS = "Rotations and positions of the poses are of different times"
 _OPENINGS: Mapping[Parameter, tuple[str, str]] = MappingProxyType(
@@ -172,8 +173,13 @@ _MOST_OF_JITTER = 0.5
 
 
 def fault_brief(row: Mapping[str, Any]) -> str:
-    """What is wrong in a few words, from a row of `AUDIT` about a named fault; no full stop."""
-    return _opening(Parameter(row["parameter"]), row["stated"], row["value"], _frames_off(row))
+    """What is wrong in a few words, from a row of `AUDIT` about a named fault; no full stop. A number says its size."""
+    opening = _opening(Parameter(row["parameter"]), row["stated"], row["value"], _frames_off(row))
+    if row["component"] or row["low"] is None or not opening.endswith(_IS_WRONG):
+        return opening
+    shown = Shown(row["unit"] or "", (row["stated"],), 1.0)
+    found = Estimate(shown, np.array([row["value"]]), np.array([0.5 * (row["high"] - row["low"])]))
+    return f"{opening} ({found.text} instead of {found.stated})"
 
 
 def _frames_off(row: Mapping[str, Any]) -> int:

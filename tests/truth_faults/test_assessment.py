@@ -116,6 +116,13 @@ def test_a_motion_that_other_trackers_do_not_see_is_not_established() -> None:
     assert verdict(pose_shares=poses(lk=(large, seen))).verdict == Trust.not_trusted
 
 
+def test_parts_of_the_scene_that_move_are_named_before_motions_of_the_camera() -> None:
+    found = verdict(pose_shares=poses(lk=((0.9, 0.8, 0.95), None)), moving="Parts of the scene probably move.")
+    assert found.verdict is Trust.not_trusted
+    assert found.text.startswith("Parts of the scene probably move. These, or camera motions missing in the poses")
+    assert found.step.startswith("Measure a scene that stands still")
+
+
 def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> None:
     """Depths that are wrong by their distance look like motions of the camera where the scene changes little."""
     seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), (0.31, 0.27, 0.35)))}

@@ -100,6 +100,8 @@ class TruthEvidence:
         Whether points are fitted to the tracks.
     measures_depths
         Whether the truth measures the errors of its depths, so that none are to be stated.
+    moving
+        That parts of the scene move, a sentence; empty where this is not seen.
     of_images
         How well rotations and directions of motion fit images without depth, in sentences; empty where this is unknown.
     pose_fits
@@ -121,6 +123,7 @@ class TruthEvidence:
     depth_edges: float = 0.0
     is_fitted: bool = False
     measures_depths: bool = False
+    moving: str = ""
     of_images: str = ""
     pose_fits: Sequence[PoseFit | None] = ()
     is_check: bool = False
@@ -546,6 +549,9 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
     if worst.high > MOST and sure is not None:
         share = f"{percent(worst.causes[sure].value)} of the squared errors of {worst.tracker}"
         cause = TruthCause.any_fault if worst.is_like_fault else sure
+        if evidence.moving:
+            text = f"{evidence.moving} These, or {worst.established_text} {share}.{noise}"
+            return _Found(Trust.not_trusted, text, _STILL)
         text = f"{sentence_case(worst.established_text)} {share}.{noise}"
         return _Found(Trust.not_trusted, text, _of_cause(evidence, worst, cause))
     part, size = f"{percent(worst.high)} of the squared errors of {worst.tracker}", _in_px(worst)
@@ -712,6 +718,7 @@ _STATED_EXACT = "The truth is stated to be exact."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
 _BETTER_DEPTHS = "Use more accurate depths, or a recording with less parallax."
+_STILL = "Measure a scene that stands still, or a part of the recording without what moves."
 _POSES = "Use globally bundle-adjusted poses, or compare trackers at the same corners."
 _NAMES: Mapping[TruthCause, str] = {
     TruthCause.poses: "camera motions missing in the poses",

@@ -24,6 +24,7 @@ from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.check_evidence import NAME, Followed, check_rigid, check_samples
 from tracknoise.truth_faults.check_report import CAUTIONS, Item, Severity
+from tracknoise.truth_faults.motion_checks import MOVE
 from tracknoise.truth_faults.image_evidence import Evidence
 from tracknoise.truth_faults.pose_accuracy import pose_share
 
@@ -70,6 +71,7 @@ def sequence_trust(
         depth_edges=max((float(item.values.get("edges") or 0.0) for item in items), default=0.0),
         is_fitted=is_fitted,
         measures_depths=SWEPT in sequence.truths,
+        moving=MOVE if any(item.text.endswith(MOVE) for item in items) else "",
         of_images=" ".join(item.text for item in items if is_fitted and item.topic == "warping"),
         pose_fits=[fit],
         is_check=True,

@@ -370,12 +370,12 @@ def warping(evidence: Evidence) -> Item:
         sentences.append(f"Errors of the truth are large: residuals are {share:.0%} of the image motion.")
     if moving is not None:
         severity = Severity.caveat
-        sentences.append(f"{_of_moving_parts(moving)} {_MOVE}")
+        sentences.append(f"{_of_moving_parts(moving)} {MOVE}")
     elif severity is not Severity.ok:
         nearest_px = _nearest_px(evidence, AS_GIVEN, _NEAREST)
         if nearest_px <= min(_NOISE_PX, typical_px / _LEAST_RATIO):
             severity = Severity.caveat
-            sentences.append(f"{_NEAREST:.0%} of the points have residuals of at most {nearest_px:.2f} px. {_MOVE}")
+            sentences.append(f"{_NEAREST:.0%} of the points have residuals of at most {nearest_px:.2f} px. {MOVE}")
     return Item(
         "warping", severity, " ".join(sentences), {**values, "share_of_motion": share, "depth_disagreement": differs}
     )
@@ -413,7 +413,8 @@ def _of_moving_parts(moving: MovingScene) -> str:
     )
 
 
-_MOVE = "Parts of the scene probably move, such as traffic or people."
+MOVE = "Parts of the scene probably move, such as traffic or people."
+"""Ends the item about points of which some fit and others are far off."""
 
 
 def _depth_disagreement(evidence: Evidence) -> float | None:

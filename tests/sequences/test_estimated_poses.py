@@ -94,6 +94,17 @@ class TestByTime:
         np.testing.assert_allclose(opened.world_from_camera, POSES, atol=1e-5)
         assert any("by time" in note for note in opened.notes)
 
+    @pytest.mark.parametrize("first_ns", [0, 5_000_000_000_000])
+    @pytest.mark.parametrize("ns_of_unit", [1, 1_000, 1_000_000], ids=["ns", "us", "ms"])
+    def test_times_of_euroc_need_not_be_since_1970(self, tmp_path, first_ns, ns_of_unit):
+        """A clock may begin when the computer or the recording did."""
+        stamps = [(first_ns + 50_000_000 * index) // ns_of_unit for index in range(COUNT)]
+        text = "#timestamp,p_x,p_y,p_z,q_w,q_x,q_y,q_z\n" + lines(
+            stamps, np.c_[POSES[:, :3, 3], quaternions(POSES, scalar_first=True)], ","
+        )
+        opened = found(tmp_path, text, sequence_of(TIMES, first_ns))
+        np.testing.assert_allclose(opened.world_from_camera, POSES, atol=1e-9)
+
     def test_frames_outside_or_in_a_gap_have_no_pose(self, tmp_path):
         rows = [0, 1, 2, 5]
         text = tum([SECONDS[index] for index in rows], POSES[rows])

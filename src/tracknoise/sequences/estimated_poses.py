@@ -28,12 +28,14 @@ from tracknoise.sequences.timed_poses import PosesOf, path_through, poses_at, tr
 from tracknoise.sequences.views import View
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted, counted_of
-from tracknoise.time_units import TimeUnit, unit_of_clock
+from tracknoise.time_units import FASTEST_HZ, TimeUnit, likely_unit, rate_of, unit_of_clock
 
 LONGEST_GAP_S, _LONGEST_OF_KEYFRAMES_S = 0.1, 0.5
 """Longest time between two poses of a file that are interpolated, seconds: 1.5 frames where that is longer, or 1.5
 times what is usual between its poses, up to the second."""
 _GAPS = 1.5
+_SLOWEST_HZ = 0.05
+"""Slowest rate of key frames in the usual unit of a format."""
 _SAME_TIME_S = 1e-6
 """A frame this close to a pose in time has this pose: times are rounded when they are shifted, or written."""
 
@@ -194,7 +196,7 @@ def _first_row(path: Path) -> tuple[bool, str]:
 
 def _tum(path: Path) -> _File:
     rows, places = read_rows(path, _TUM, separator=",")
-    unit = unit_of_clock(float(np.nanmax(np.abs(rows[:, 0]), initial=0.0)))
+    unit = _unit(rows[:, 0], TimeUnit.s)
     seconds = rows[:, 0] / unit.per_second
     require_seconds(seconds, places)
     note = () if unit is TimeUnit.s else (f"{path}: the times are taken as {unit}",)
@@ -202,11 +204,24 @@ def _tum(path: Path) -> _File:
 
 
 def _euroc(path: Path) -> _File:
-    first = _first_row(path)[1].split(",")[0]
-    unit = unit_of_clock(float(first))
+    fields = (line.split(",")[0].strip() for line in read_text(path, _EXPECTED).splitlines())
+    unit = _unit(np.array([float(field) for field in fields if is_number(field)]), TimeUnit.ns)
     table = read_table(path, "a time, a position and a quaternion", unit, lambda time_unit: f"times in {time_unit}")
     note = () if unit is TimeUnit.ns else (f"{path}: the times are taken as {unit}",)
     return _File("EuRoC", _Timed(path, table.times_ns, pose_rows(table), table.places, note))
+
+
+def _unit(times: NDArray[np.float64], usual: TimeUnit) -> TimeUnit:
+    """The unit of times (n,): the usual one of a format, where it makes the rate of the poses a likely one.
+
+    Otherwise the one in which they can be times since 1970, or, of other clocks, the one with a likely rate.
+    """
+    unit, rate = unit_of_clock(float(np.nanmax(np.abs(times), initial=0.0))), rate_of(np.unique(times))
+    if rate is None or unit is usual or _SLOWEST_HZ <= rate * usual.per_second <= FASTEST_HZ:
+        return unit if rate is None else usual
+    taken_hz = rate * unit.per_second
+    likely = None if _SLOWEST_HZ <= taken_hz <= FASTEST_HZ else likely_unit(taken_hz, unit)
+    return unit if likely is None else likely[0]
 
 
 def _kitti_poses(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:

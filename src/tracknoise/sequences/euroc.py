@@ -210,6 +210,8 @@ def _nanoseconds(place: str, field: str, unit: TimeUnit | None, stated_by: State
     """
     time = Decimal(field) if _NUMBER.fullmatch(field) else Decimal(-1)
     ns = time * (TimeUnit.ns.per_second // (unit or TimeUnit.ns).per_second)
+    if _NUMBER.fullmatch(field.removeprefix("-")) and field.startswith("-"):
+        raise DataError(place, f"a time of {field!r}", "a time of 0 or later")
     if not 0 <= ns <= _LARGEST_NS or (unit is None and ns != int(ns)):
         expected = f"a whole number of nanoseconds, or another unit: {stated_by(unit_of_clock(float(time)))}"
         raise DataError(place, f"a time of {field!r}", expected if unit is None else f"a time in {unit}")

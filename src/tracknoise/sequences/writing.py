@@ -20,7 +20,8 @@ def new_folder(path: Path) -> Iterator[Path]:
         with atomic.created_folder(path) as unfinished:
             yield unfinished
     except OSError as error:
-        raise DataError(path, f"cannot be written ({error.strerror})", "a folder that can be written") from error
+        reason = error.strerror or error
+        raise DataError(path, f"cannot be written ({reason})", "a folder that can be written") from error
 
 
 def pinhole_of(sequence: Sequence) -> Camera:

@@ -39,7 +39,7 @@ def run(tmp_path_factory) -> str:
     for name in FORMATS:
         WRITERS[name](root / f"{SCENE}.{name}", seen)
         text += f'[[trackers]]\nname = "{name}"\nkind = "imported"\noptions = {{ path = "{{scene}}.{name}" }}\n'
-    (root / "mine.toml").write_text(text)
+    (root / "mine.toml").write_text(f'{text}[estimator]\nname = "sliding_window"\n')
     out = str(root / "run")
     with without_figure_files():
         options = ("--data", str(root / "sim"), "--out", out, "--quiet", "--workers", "1")
@@ -63,5 +63,7 @@ def test_what_follows_a_run_works_without_causes_of_ends(run, tracknoise, tmp_pa
     assert "neither table.csv nor colmap.db is shown to be better" in out
     model = tmp_path / "lk.noise.json"
     allowed = ("--tracker", "colmap.db", "--allow", "untrusted")
-    assert tracknoise("export", run, "--to", "text", *allowed, "--model", str(model))[0] == 0
+    status, out, _ = tracknoise("export", run, "--to", "text", *allowed, "--model", str(model))
+    assert status == 0
+    assert "In a sliding window, " in out  # which the experiment names
     assert prove.main([run, str(model), "--window", "6", "--allow", "untrusted"]) == 0

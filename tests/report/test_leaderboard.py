@@ -80,7 +80,7 @@ def test_of_those_that_share_the_first_rank_the_smallest_sigma_leads(three: RunF
 def test_where_nobody_is_shown_to_be_better_this_is_said(three: RunFolder) -> None:
     found = leaderboard(ranked(three, dict.fromkeys(SPANS, (1, 3))))
     assert found is not None
-    assert "none is shown to have smaller errors" in found.leader_with([setting("other", 0.2)])
+    assert "none is shown to have smaller typical errors" in found.leader_with([setting("other", 0.2)])
 
 
 def test_without_ranks_there_is_no_table_and_no_figure(run: RunFolder) -> None:

@@ -142,7 +142,7 @@ def _target(
         if reasons.issuperset(kind):
             raise SettingsError(f"--allow: found {' and '.join(kind)}, expected one of them")
     settings = RunFolder(source).settings() if source.is_dir() else {}
-    of_experiment = asked(settings, _KIND if form == _TEXT else form)
+    of_experiment = asked(settings, _named_in(source) if form == _TEXT else form)
     return replace(
         of_experiment,
         focal_px=focal,
@@ -263,7 +263,7 @@ def _write(
     from tracknoise.tables.files import write_atomically
 
     if form in _OF_TRACKNOISE:
-        content = _as_text(source.model, target) if form == _TEXT else _header(source.model)
+        content = _header(source.model) if form == _HEADER else _as_text(source.model, _named_in(source.path), target)
         marked = "noise.txt" if form == _TEXT else "noise.hpp"
         files, used, shown = {marked: content}, list[str](), content
     else:
@@ -283,21 +283,29 @@ def _write(
     terminal.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), *used]))
 
 
-def _as_text(model: "NoiseModel", target: "Target") -> str:
-    """What to set, the components, and one sigma for each purpose."""
+def _named_in(source: Path) -> str:
+    """The estimator that the experiment of a run names; a filter otherwise."""
+    from tracknoise.tables.store import RunFolder
+
+    settings = RunFolder(source).settings() if source.is_dir() else {}
+    return str(settings.get("estimator", {}).get("name", _KIND))
+
+
+def _as_text(model: "NoiseModel", name: str, target: "Target") -> str:
+    """What to set in an estimator, the components, and one sigma for each purpose."""
     from tracknoise.cli.terminal import wrapped
     from tracknoise.cli.text_table import plain
     from tracknoise.estimators.exports import hash_text
     from tracknoise.report.noise_cells import component_cells, equivalent_cells, model_sentences
 
-    said = model_sentences(model, _KIND, features=target.features)
+    said = model_sentences(model, name, features=target.features)
     sentences = "\n".join(line for sentence in said for line in wrapped(sentence))
     tables = [component_cells(model), equivalent_cells(model, target.window or _WINDOW)]
     return "\n\n".join([sentences, *map(plain, tables), f"Model: {hash_text(model.sha256)}"]) + "\n"
 
 
 _KIND, _WINDOW = "filter", 11
-"""The estimator that a text says what to set in, and the length of the windows that it shows, frames."""
+"""The estimator that a text is about where none is named, and the length of the windows that it shows, frames."""
 
 
 def _header(model: "NoiseModel") -> str:

@@ -39,6 +39,8 @@ _PLACES, _SUCCESSIVE = 4, 3
 """Places in a sequence where maps are joined to see whether that is better, and frames with births at each. Successive
 frames share most of the maps that are read."""
 _OLDEST = 10
+_LEAST_PX = 0.005
+"""Median displacement of young tracks below which a law of depths looks like a bias of the tracks."""
 _NAME = "reference tracks"
 
 
@@ -182,7 +184,9 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
     name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda item: item[1].explained)
     if named:
         return name, fault.size
-    if not fault.is_established:
+    young = now.adjustment.tracks.frame - now.adjustment.tracks.birth[track] <= _OLDEST
+    moved_px = abs(fault.size) * np.nanmedian(np.linalg.norm(displaced[name][young], axis=1))
+    if not (fault.is_established and moved_px > _LEAST_PX):
         return None
     camera = (now.faults[FOCAL], now.faults[ALONG_RAY])
     return (name, fault.size) if all(fault.explained > rival.explained for rival in camera) else None

@@ -29,7 +29,9 @@ _QUANTITY = dict(zip(RANKED, ("typical error", "RMS error", "lifetime", "outlier
 _BEST = dict(
     zip(RANKED, ("smallest typical error", "smallest RMS error", "longest tracks", "fewest outliers"), strict=True)
 )
-_LESS = dict(zip(RANKED, ("smaller errors", "smaller errors", "longer tracks", "fewer outliers"), strict=True))
+_LESS = dict(
+    zip(RANKED, ("smaller typical errors", "smaller RMS errors", "longer tracks", "fewer outliers"), strict=True)
+)
 _SETTING, _COST = "sigma to set", "CPU per step"
 _WRITTEN: Mapping[str, tuple[Callable[[float], str], str]] = {
     "lifetime": (number, f"{SPACE}frames"),

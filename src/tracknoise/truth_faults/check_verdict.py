@@ -24,8 +24,8 @@ from tracknoise.truth_faults.audit_summary import usual_mistakes
 from tracknoise.truth_faults.audit_tables import tables_of
 from tracknoise.truth_faults.check_evidence import NAME, Followed, check_rigid, check_samples
 from tracknoise.truth_faults.check_report import CAUTIONS, Item, Severity
-from tracknoise.truth_faults.motion_checks import MOVE
 from tracknoise.truth_faults.image_evidence import Evidence
+from tracknoise.truth_faults.motion_checks import MOVE
 from tracknoise.truth_faults.pose_accuracy import pose_share
 
 _FEWEST = 30

@@ -1,0 +1,1 @@
+"""What the visual-inertial odometry Basalt makes of exported noise."""

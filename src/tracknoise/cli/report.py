@@ -20,7 +20,9 @@ def report(
         bool, flag("--all", help="Print all findings, the numbers of every tracker and speed, and verdicts.")
     ] = False,
     as_json: JsonOption = False,
-    figures: Annotated[bool, flag("--figures", help="Also write all figures as SVG and PNG, until the next report.")] = False,
+    figures: Annotated[
+        bool, flag("--figures", help="Also write all figures as SVG and PNG, until the next report.")
+    ] = False,
     rerun: Annotated[
         str | None,
         text("--rerun", metavar="SCENE", help="Also write rerun/SCENE.rrd, for the viewer Rerun (extra: rerun)."),

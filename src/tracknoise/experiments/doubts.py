@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 _MOST_PAIRS, _MOST_POINTS = 24, 150
 _BASELINES = 1, 2, 3, 4, 6, 8, 12, 16, 24
 _YOUNG_FRAMES = 5
+_STILL_SHARE = 0.95
+"""Share of the tracks that stand still where an image repeats."""
 _RIVAL_SHARE, _LEAST_ERROR_PX = 0.8, 1.0
 _HIDDEN_SHARE = 0.5
 _KNOWN = ("valid", "occluded", "out_of_image", "behind_camera")
@@ -123,7 +125,8 @@ def _of_repeated(sequence: Sequence, observed: pl.DataFrame) -> list[Item]:
     now = observed.select("track", "frame", "u_px", "v_px")
     before = now.with_columns(pl.col("frame") + apart).rename({"u_px": "u", "v_px": "v"})
     moved = (pl.col("u_px") - pl.col("u")) ** 2 + (pl.col("v_px") - pl.col("v")) ** 2
-    steps = now.join(before, on=["track", "frame"]).group_by("frame").agg(motion_px=moved.median().sqrt())
+    of_most = moved.quantile(_STILL_SHARE).sqrt()  # whole pixels of slow tracks often repeat
+    steps = now.join(before, on=["track", "frame"]).group_by("frame").agg(motion_px=of_most)
     motion_px = dict(steps.select("frame", "motion_px").sort("frame").iter_rows())
     item = repeated_images(sequence.world_from_camera, motion_px, apart)
     return [] if item is None else [item]

@@ -184,7 +184,7 @@ _SMALL_STEP = 0.25
 def repeated_images(poses: NDArray[np.float64], motion_px: Mapping[int, float], apart: int = 1) -> Item | None:
     """Images that show what the one before shows, although the camera has moved; None where there are none.
 
-    `motion_px`: median image motion since the image `apart` frames before, by frame.
+    `motion_px`: image motion of most points since the image `apart` frames before, by frame.
     """
     if len(motion_px) < 2 or np.percentile([*motion_px.values()], 90) < _SEEN_PX:
         return None

@@ -185,8 +185,9 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
     if named:
         return name, fault.size
     young = now.adjustment.tracks.frame - now.adjustment.tracks.birth[track] <= _OLDEST
-    moved_px = abs(fault.size) * np.nanmedian(np.linalg.norm(displaced[name][young], axis=1))
-    if not (fault.is_established and moved_px > _LEAST_PX):
+    if not fault.is_established:
+        return None
+    if abs(fault.size) * np.nanmedian(np.linalg.norm(displaced[name][young], axis=1)) <= _LEAST_PX:
         return None
     camera = (now.faults[FOCAL], now.faults[ALONG_RAY])
     return (name, fault.size) if all(fault.explained > rival.explained for rival in camera) else None

@@ -162,6 +162,11 @@ class Leaderboard:
         return "; ".join(texts)
 
     @property
+    def without_rms(self) -> str:
+        """Why a tracker has no RMS."""
+        return f"undetermined: a few large errors decide it at age {SHOWN_AGE}"
+
+    @property
     def columns(self) -> list[str]:
         """Headings of all columns but the name."""
         costs = [_COST] if any(one.cost.value is not None for one in self.standings) else []

@@ -22,6 +22,8 @@ _START_NS = _NS
 _AT_BODY: NDArray[np.float64] = np.eye(4)
 """The body is the camera, and the inertial sensor is at its centre."""
 _AXES = "xyz"
+_BEYOND = 20
+"""Readings after the last frame, which some filters wait for."""
 
 
 def write_euroc(
@@ -57,7 +59,8 @@ def write_euroc(
         found = "no times" if times_s is None else "1 frame"
         raise DataError(sequence.source, found, "at least 2 frames with times, which inertial readings need")
     poses, noise = SmoothPath(times_s, sequence.world_from_camera), InertialNoise()
-    read_s = times_s[0] + np.arange(int(np.ceil((times_s[-1] - times_s[0]) * RATE_HZ - 1e-6)) + 1) / RATE_HZ
+    count = int(np.ceil((times_s[-1] - times_s[0]) * RATE_HZ - 1e-6)) + 1 + _BEYOND
+    read_s = times_s[0] + np.arange(count) / RATE_HZ
     readings = inertial_readings(poses, read_s, generator(seed, Stream.inertial, sequence.id.scene), noise=noise)
     with new_folder(path) as unfinished:
         device = unfinished / "mav0"

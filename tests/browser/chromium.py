@@ -39,7 +39,7 @@ class Page:
     requests
         Addresses that it asked for.
     errors
-        Errors of its console, and exceptions of its scripts.
+        Errors and warnings of its console, and exceptions of its scripts.
     """
 
     _pipe: "_Pipe"
@@ -104,7 +104,7 @@ class Page:
             self.requests.append(found["request"]["url"])
         elif method == "Runtime.exceptionThrown":
             self.errors.append(json.dumps(found["exceptionDetails"])[:2000])
-        elif method == "Runtime.consoleAPICalled" and found["type"] in ("error", "assert"):
+        elif method == "Runtime.consoleAPICalled" and found["type"] in ("error", "assert", "warning"):
             self.errors.append(" ".join(str(part.get("value", part)) for part in found["args"]))
         elif method == "Log.entryAdded" and found["entry"]["level"] == "error":
             self.errors.append(found["entry"]["text"])

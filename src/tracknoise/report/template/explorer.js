@@ -137,7 +137,7 @@ function panel(pooled, scenes, domain, title) {
       { data: { values: pooled }, mark: { type: "line", strokeWidth: 2, clip: true, point: { size: 26, filled: true } },
         encoding: { x, y, color: hue, detail: { field: "series" }, tooltip } },
       { data: { values: [{ value: 0 }] }, mark: { type: "rule", color: "var(--axis)" }, encoding: { y } },
-    ],
+    ].filter((one) => one.data.values.length), // an axis without a value has no range
   };
 }
 

@@ -361,7 +361,7 @@ def tables_to_keep(experiment: Experiment, measurement: Measurement) -> dict[str
     slowest = min(experiment.speeds)  # which figures show
     statistics = statistics_of(
         measurement.prepared,
-        [name for name in STATISTICS if name != "moments"],
+        [name for name in STATISTICS if name not in ("moments", "covariance_sums")],  # the latter with the geometry
         population=experiment.truth.population,
         slowest=slowest,
     )

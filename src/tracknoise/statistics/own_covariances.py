@@ -25,7 +25,7 @@ from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.noise_sums import magnifications
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances
+from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances, empty
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 """Levels of the regions whose coverage is counted."""
@@ -84,13 +84,15 @@ def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None =
 
     Returns schema `COVARIANCE_SUMS`, sorted: rows of the ages of `STEPS`, and of all ages together, whose `at` is null.
     """
-    seen = sequence.seen
+    seen, named = sequence.seen, list(own_covariances(sequence.observations.columns))
+    if not named:
+        return empty(COVARIANCE_SUMS)
     zero = sequence.key_frame or 0
     later = seen.visible & (seen.at != zero)
     steps = pl.Series(np.abs(seen.at - zero) / seen.speed).is_in(list(map(float, STEPS)))
     parts, motion = [pl.DataFrame(schema=dict(COVARIANCE_SUMS))], _directions(sequence)
     magnification = 1.0 if geometry is None or sequence.key_frame is not None else _magnified(sequence, geometry)
-    for name, columns in own_covariances(sequence.observations.columns):
+    for name, columns in named:
         entries = sequence.observations.select(pl.col(columns).cast(pl.Float64).fill_null(np.nan)).to_numpy()
         predicted = later & ~np.isnan(entries).any(axis=1)
         if not predicted.any():

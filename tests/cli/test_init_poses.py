@@ -128,7 +128,31 @@ def test_frames_of_a_video_have_its_times_and_the_poses_of_a_trajectory(tracknoi
     for index in (7, 0, 3):  # in any order, each is the frame that was written
         difference = sequence.image(index).astype(float) - walk.image(index)
         assert np.abs(difference).mean() < 8.0
-    code, _, err = tracknoise("init", *arguments, "-o", str(files / "v.toml"), "--force")
+
+
+def test_frames_of_a_video_are_replaced_by_force_alone_and_kept_where_that_fails(tracknoise, files, walk):
+    write_video(files / "clip.avi", walk, "MJPG")
+    late, frames = files / "late.txt", files / "v-frames"
+    rows = np.loadtxt(files / "tum.txt")
+    np.savetxt(late, rows + 1e3 * (np.arange(rows.shape[1]) == 0), fmt="%.9f")
+
+    def init(trajectory, *options):
+        given = [str(files / "clip.avi"), "--camera", str(files / "cam.json"), "--trajectory", str(trajectory)]
+        code, _, err = tracknoise("init", *given, "-o", str(files / "v.toml"), *options)
+        return code, err
+
+    assert init(late)[0] == 1
+    assert not frames.exists()
+    assert init(files / "tum.txt")[0] == 0
+    assert init(files / "tum.txt")[0] == 1
+    before = (frames / "images" / "000003.png").stat().st_mtime_ns
+    assert init(late, "--force")[0] == 1
+    assert (frames / "images" / "000003.png").stat().st_mtime_ns == before
+    assert init(files / "tum.txt", "--force")[0] == 0
+    assert (frames / "images" / "000003.png").stat().st_mtime_ns > before
+    assert not [*files.glob(".v-frames*")]
+    (frames / "mine.txt").touch()
+    code, err = init(files / "tum.txt", "--force")
     assert code == 1
     assert "already exists, expected a new or empty folder" in err
 

@@ -1,8 +1,10 @@
 """``tracknoise init``: an experiment file for a recording, to begin with."""
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -36,8 +38,8 @@ def init(
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.cli.recording_arguments import open_recording
-    from tracknoise.exceptions import DataError, SettingsError
-    from tracknoise.experiments.template import experiment_template, name_of
+    from tracknoise.exceptions import SettingsError
+    from tracknoise.experiments.template import name_of
     from tracknoise.sequences.video import is_video
     from tracknoise.tables.files import write_atomically
 
@@ -48,13 +50,37 @@ def init(
     if file.exists() and file.suffix != ".toml":
         raise SettingsError(f"{file}: found a file of another kind, expected a new file or a .toml file to replace")
     require_outputs([("--out", file)], inputs=[path])
-    if is_video(path):
-        recording = ["folder", _frames(path, file, camera, trajectory is None, context.obj.say)]
-    opened = open_recording(recording, option, trajectory=trajectory, camera=camera)
-    if trajectory is None and camera is not None:
-        opened = _with_poses(opened, file, context.obj.say, force=force)
+    earlier: Path | None = None
+    with ExitStack() as undo:
+        if is_video(path):
+            folder = file.with_name(f"{file.stem}-frames")
+            earlier = _set_aside(folder, undo) if force else None
+            _write_frames(path, folder, camera, trajectory is None, context.obj.say)
+            undo.callback(rmtree, folder)
+            recording = ["folder", str(folder)]
+        opened = open_recording(recording, option, trajectory=trajectory, camera=camera)
+        if trajectory is None and camera is not None:
+            opened = _with_poses(opened, file, context.obj.say, force=force)
+        write_atomically(file, _experiment_of(opened, file).encode())
+        undo.pop_all()
+    if earlier is not None:
+        rmtree(earlier)
+    for line in _about_poses(opened):
+        context.obj.result(line)
+    context.obj.result(
+        f"{file}: reader {opened.reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "
+        f"Measure all of it: tracknoise run {file}"
+    )
+    return 0
+
+
+def _experiment_of(opened: "Recording", file: Path) -> str:
+    """Text of the experiment file of a recording."""
+    from tracknoise.exceptions import DataError
+    from tracknoise.experiments.template import experiment_template
+
     try:
-        written = experiment_template(
+        return experiment_template(
             opened.reader,
             opened.path,
             opened.options,
@@ -68,18 +94,24 @@ def init(
             other = "poses of another program: --trajectory FILE, or poses from the images: --camera FILE"
             raise DataError(error.place, error.found, f"{error.expected}; {other}") from error
         raise
-    write_atomically(file, written.encode())
-    for line in _about_poses(opened):
-        context.obj.result(line)
-    context.obj.result(
-        f"{file}: reader {opened.reader.name}. A first answer in about a minute: tracknoise run {file} --quick. "
-        f"Measure all of it: tracknoise run {file}"
-    )
-    return 0
 
 
-def _frames(video: Path, file: Path, camera: Path | None, reconstructs: bool, say: Callable[[str], None]) -> str:
-    """Folder of the frames of a video, beside the experiment file, written after what could fail was checked."""
+def _set_aside(folder: Path, undo: ExitStack) -> Path | None:
+    """Where frames of an earlier video are now, which are put back if there is no new file; None without any."""
+    from tracknoise.sequences.video import are_frames
+
+    if not are_frames(folder):
+        return None
+    aside = folder.with_name(f".{folder.name}.earlier")
+    folder.rename(aside)
+    undo.callback(aside.rename, folder)
+    return aside
+
+
+def _write_frames(
+    video: Path, folder: Path, camera: Path | None, reconstructs: bool, say: Callable[[str], None]
+) -> None:
+    """Write the frames of a video after what could fail was checked."""
     from tracknoise.exceptions import SettingsError
     from tracknoise.sequences.camera_files import read_camera_file
     from tracknoise.sequences.reconstruction import require_colmap
@@ -91,10 +123,8 @@ def _frames(video: Path, file: Path, camera: Path | None, reconstructs: bool, sa
         require_colmap()
     size = frame_size(video)
     stated = read_camera_file(camera, size=size).camera
-    folder = file.with_name(f"{file.stem}-frames")
     count, notes = write_frames(video, folder, (stated.width, stated.height))
     say(f"{folder}: {count} frames of {video}; {'; '.join(notes)}")
-    return str(folder)
 
 
 def _with_poses(opened: "Recording", file: Path, say: Callable[[str], None], *, force: bool) -> "Recording":

@@ -88,6 +88,12 @@ def write_frames(video: Path, folder: Path, size: tuple[int, int] | None) -> tup
     return len(times_s), (note, *((lost,) if len(times_s) < stated else ()))
 
 
+def are_frames(folder: Path) -> bool:
+    """Whether a folder is one of `write_frames`, and nothing else is in it."""
+    names = {entry.name for entry in folder.iterdir()} if folder.is_dir() else set()
+    return "images" in names and names <= {"images", "timestamps.txt"}
+
+
 @contextmanager
 def silent_opencv() -> Iterator[None]:
     """OpenCV and FFmpeg print nothing: what is wrong with a video is said in one line."""

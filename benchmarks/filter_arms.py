@@ -58,6 +58,7 @@ def export_arms(model: NoiseModel) -> Arms:
     return {
         "shipped: 1 px, gate 1": SHIPPED,
         "export": exported,
+        "export, features of windows of 30 frames": _printed(model, state_window=30),
         "a third for predicted poses": third,
         "the same, gate of features .1": replace(third, features_gate=GateRule(0.1)),
         **{
@@ -106,9 +107,11 @@ def _said(level: float, predicted: float | None) -> str:
     return f"{level:g}, p {'as claimed' if predicted is None else f'{predicted:.2g}'}"
 
 
-def _printed(model: NoiseModel, features: int | None = None) -> Assumed:
-    """The export to OpenVINS; by default for as many features of a frame as it ships."""
-    advised = estimator("openvins").advise(model, window=CLONES, features=features)
+def _printed(model: NoiseModel, features: int | None = None, state_window: int | None = None) -> Assumed:
+    """The export to OpenVINS; by default for as many features of a frame, and windows for its state, as it ships."""
+    about = estimator("openvins")
+    shipped = replace(about, state_window=state_window or about.state_window)
+    advised = shipped.advise(model, window=CLONES, features=features)
     state = advised.state
     assert state is not None
     return Assumed(

@@ -13,7 +13,7 @@ from tests.estimators.models import TEXTURE, made
 import tracknoise as tn
 from tracknoise.cli.terminal import WIDTH
 from tracknoise.estimators.cpp_header import cpp_header
-from tracknoise.estimators.equivalents import LENGTHS
+from tracknoise.estimators.equivalents import LENGTHS, STATE_LENGTH
 from tracknoise.estimators.export_render import export
 from tracknoise.estimators.exports import in_words
 from tracknoise.estimators.model import BiasKind, Landmark, Purpose
@@ -58,7 +58,9 @@ def test_training_and_camera_are_those_of_the_run(model: tn.NoiseModel) -> None:
 
 
 def test_white_noise_has_one_sigma_for_free_landmarks(model: tn.NoiseModel) -> None:
-    assert len(model.equivalents) == len(LENGTHS) * (len(Landmark) - 1) * len(Purpose)  # none for known points
+    of_all = len(LENGTHS) * (len(Landmark) - 1) * len(Purpose)  # none for known points
+    assert len(model.equivalents) == of_all + len(Purpose)
+    assert {one.landmark for one in model.equivalents if one.window == STATE_LENGTH} == {Landmark.FREE}
     for length in (5, 10, 11):
         sigmas = {purpose: model.sigma(window=length, purpose=purpose).value for purpose in Purpose}
         # the first position of an oracle has no noise, which an estimator of one sigma does not know
@@ -233,7 +235,7 @@ def test_header_compiles_and_gives_the_same_numbers(tmp_path: Path, model: tn.No
 
 def test_windows_that_no_recording_is_long_enough_for_are_said_to_be_simulated(model: tn.NoiseModel) -> None:
     """Recordings of 14 frames."""
-    assert {one.window for one in model.equivalents if one.simulated} == {20, 30}
+    assert {one.window for one in model.equivalents if one.simulated} == {20, 30, STATE_LENGTH}
     said = {window: in_words(model.advise("filter", window=window)) for window in (11, 20)}
     assert "in windows of 11 frames" in said[11]
     assert "in simulated windows of 20 frames" in said[20]

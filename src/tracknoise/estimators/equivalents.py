@@ -168,6 +168,8 @@ Window = Sequence[LinearTracks]
 
 LENGTHS = (5, 10, 11, 20, 30)
 """Lengths of windows, frames of the tracker."""
+STATE_LENGTH = 60
+"""Length of windows for features in the state of a filter, which stay there as long as they are tracked."""
 _FIRST_TRIED = np.array([-0.7, 0.0])
 """What is tried first for a state: logarithms of ratios to the sigma that makes all poses right for a free landmark."""
 _TRIED_WINDOWS = 6
@@ -185,19 +187,22 @@ def equivalents(
     gates: Gates,
     common: CommonErrors | None = None,
 ) -> list[Equivalent]:
-    """Standard deviations for all kinds of landmarks and purposes, for windows of one length."""
+    """Standard deviations for windows of one length: for all kinds of landmarks, or free ones beyond `LENGTHS`."""
     mean = MeanSquares.of(fitted, windows, speed, in_common=common is not None)
-    free, exact = (mean.sigmas(first) for first in (None, EXACT))
-    state = _state(fitted, mean, free)
-    prior = fitted.components["first"].sigma.value
-    named = {Landmark.FREE: (free, None), Landmark.EXACT: (exact, 0.0), Landmark.STATE: (state, prior)}
+    free = mean.sigmas(None)
+    named: dict[Landmark, tuple[Mapping[Purpose, Interval], float | None]] = {Landmark.FREE: (free, None)}
+    if length <= max(LENGTHS):
+        prior = fitted.components["first"].sigma.value
+        named |= {Landmark.EXACT: (mean.sigmas(EXACT), 0.0), Landmark.STATE: (_state(fitted, mean, free), prior)}
     found = [replace(one, simulated=windows.simulated) for one in _named(named, length, gates)]
     if common is None:
         return found
-    added = {first: mean.of_common(common, first) for first in (None, EXACT)}
-    of_state = {purpose: _times(one, state[purpose], free[purpose]) for purpose, one in added[None].items()}
-    by_landmark = {Landmark.FREE: added[None], Landmark.EXACT: added[EXACT], Landmark.STATE: of_state}
-    return [replace(one, per_feature=by_landmark[one.landmark].get(one.purpose)) for one in found]
+    added = {Landmark.FREE: mean.of_common(common, None)}
+    if Landmark.STATE in named:
+        state, of_free = named[Landmark.STATE][0], added[Landmark.FREE]
+        of_state = {purpose: _times(one, state[purpose], free[purpose]) for purpose, one in of_free.items()}
+        added |= {Landmark.EXACT: mean.of_common(common, EXACT), Landmark.STATE: of_state}
+    return [replace(one, per_feature=added[one.landmark].get(one.purpose)) for one in found]
 
 
 def _in_common(noise: TrackNoise, speed: int) -> TrackNoise:

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import units_of
 from tracknoise.analysis.truth_shares import audited_mean
 from tracknoise.estimators.components import FittedComponents, fit_components, group_numbers, matrix, sums_of_units
-from tracknoise.estimators.equivalents import LENGTHS, equivalents, gates
+from tracknoise.estimators.equivalents import LENGTHS, STATE_LENGTH, equivalents, gates
 from tracknoise.estimators.errors_in_common import CommonErrors
 from tracknoise.estimators.kernels import LENGTH, drawn_windows, tried_kernels
 from tracknoise.estimators.linear_window import Rig
@@ -276,7 +276,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     outliers = read["noise_outliers"]
     by_length = _windows(read, LENGTHS)
     common = common_of(read, level=level)
-    alone = _equivalents(read, fitted, by_length, common)
+    alone = _equivalents(read, fitted, {**by_length, **_windows(read, [STATE_LENGTH])}, common)
     pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(outliers))
     sigmas = alone if pair is None else pair.equivalents(alone, read.groups, level)
     kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level, pair)

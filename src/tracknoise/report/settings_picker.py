@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from tracknoise.estimators.advice import innovations_of
+from tracknoise.estimators.equivalents import LENGTHS
 from tracknoise.estimators.exports import Estimator, Target, estimators
 from tracknoise.estimators.noise_model import NoiseModel
 from tracknoise.exceptions import SettingsError
@@ -80,7 +81,11 @@ class Picker:
 
     def _of_windows(self, name: str, default: list[NoiseToSet], features: int | None) -> dict[str, Any]:
         lengths = {equivalent.window for model in self.models.values() for equivalent in model.equivalents}
-        by_length = {window: found for window in lengths if (found := [*self._settings(name, window, features)])}
+        by_length = {
+            window: found
+            for window in lengths.intersection(LENGTHS)
+            if (found := [*self._settings(name, window, features)])
+        }
         by_length[default[0].window] = default
         leader = None if self.board is None else self.board.first_with(default)
         picture = answer_plot(self.models, name, default, leader)

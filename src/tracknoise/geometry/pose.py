@@ -8,8 +8,17 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial.transform import Rotation
+
+
+def from_rotation(rotation: NDArray[np.float64], translation_m: ArrayLike) -> NDArray[np.float64]:
+    """(..., 4, 4) float64: poses from rotation matrices (..., 3, 3) and translations (..., 3), metres."""
+    poses = np.zeros((*rotation.shape[:-2], 4, 4))
+    poses[..., :3, :3] = rotation
+    poses[..., :3, 3] = translation_m
+    poses[..., 3, 3] = 1.0
+    return poses
 
 
 def from_quaternion(translation_m: NDArray[np.float64], xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -31,11 +40,9 @@ def from_quaternion(translation_m: NDArray[np.float64], xyzw: NDArray[np.float64
     ValueError
         If a quaternion has norm zero.
     """
-    poses = np.broadcast_to(np.eye(4), (len(xyzw), 4, 4)).copy()
-    if len(xyzw):
-        poses[:, :3, :3] = Rotation.from_quat(xyzw).as_matrix()
-        poses[:, :3, 3] = translation_m
-    return poses
+    if not len(xyzw):
+        return np.empty((0, 4, 4))
+    return from_rotation(Rotation.from_quat(xyzw).as_matrix(), translation_m)
 
 
 def position_rows(poses: NDArray[np.float64], *, canonical: bool = True) -> NDArray[np.float64]:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tracknoise.checks import require
 from tracknoise.exceptions import DataError
-from tracknoise.geometry.pose import invert
+from tracknoise.geometry.pose import from_rotation, invert
 from tracknoise.sequences.camera_files import (
     FROM_PREVIOUS,
     SECOND,
@@ -164,7 +164,5 @@ def _beside(entries: Entries) -> NDArray[np.float64] | None:
     rotation, translation = entries.name("R"), entries.name("T")
     if rotation is None or translation is None:
         return None
-    second_from_first = np.eye(4)
-    second_from_first[:3, :3] = entries.matrix(rotation, 3, 3)
-    second_from_first[:3, 3] = entries.numbers(translation, 3)
+    second_from_first = from_rotation(entries.matrix(rotation, 3, 3), entries.numbers(translation, 3))
     return invert(pose_of_numbers(f"{entries.place}: R, T", second_from_first.ravel().tolist()))

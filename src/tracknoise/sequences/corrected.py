@@ -11,7 +11,7 @@ from tracknoise.exceptions import DataError
 from tracknoise.geometry.cameras import Camera, CameraModel, Intrinsics
 from tracknoise.geometry.corrections import Corrections
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.pose import PosePath, invert, transform
+from tracknoise.geometry.pose import PosePath, from_rotation, invert, transform
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.row_poses import RowPoses
@@ -129,10 +129,8 @@ class CorrectedSequence(View):
     @cached_property
     def _mounting(self) -> NDArray[np.float64]:
         """(4, 4) float64: pose of the camera in the frame that the recorded poses belong to."""
-        mounting = np.eye(4)
-        mounting[:3, :3] = Rotation.from_rotvec(self.corrections.mounting_rotation_deg, degrees=True).as_matrix()
-        mounting[:3, 3] = self.corrections.mounting_translation_m
-        return mounting
+        turn = Rotation.from_rotvec(self.corrections.mounting_rotation_deg, degrees=True)
+        return from_rotation(turn.as_matrix(), self.corrections.mounting_translation_m)
 
     @cached_property
     def _recorded_poses(self) -> RowPoses:

@@ -19,7 +19,7 @@ from tracknoise.exceptions import SettingsError
 from tracknoise.geometry.accuracy import DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, Intrinsics
 from tracknoise.geometry.depth import DepthMap
-from tracknoise.geometry.pose import PosePath
+from tracknoise.geometry.pose import PosePath, from_rotation
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.sequence import Sequence, TruthKind, camera_at, shutter_of
 from tracknoise.sequences.views import View
@@ -213,7 +213,9 @@ def _distorted(camera: Intrinsics, k1: float) -> Intrinsics:
 
 def stated_poses(sequence: Sequence, faults: Faults, rng: np.random.Generator) -> NDArray[np.float64]:
     """(n, 4, 4) float64: poses with the wrong clock, of the wrong sensor, and with noise, in this order."""
-    poses = _at_other_times(sequence, faults) @ _camera_from_sensor(faults.mounting)
+    turn = Rotation.from_rotvec(faults.mounting.rotation_deg, degrees=True)
+    camera_from_sensor = from_rotation(turn.as_matrix(), faults.mounting.position_m)
+    poses = _at_other_times(sequence, faults) @ camera_from_sensor
     return poses @ _noise(len(sequence), faults.poses, rng)
 
 
@@ -230,22 +232,13 @@ def _at_other_times(sequence: Sequence, faults: Faults) -> NDArray[np.float64]:
     return PosePath(times, poses).at(times - offset)
 
 
-def _camera_from_sensor(mounting: Mounting) -> NDArray[np.float64]:
-    pose = np.eye(4)
-    pose[:3, :3] = Rotation.from_rotvec(mounting.rotation_deg, degrees=True).as_matrix()
-    pose[:3, 3] = mounting.position_m
-    return pose
-
-
 def _noise(count: int, noise: PoseNoise, rng: np.random.Generator) -> NDArray[np.float64]:
     """(n, 4, 4) float64: small motions in the frame of the camera."""
     chance = rng.standard_normal((count, 4, 3))
     walk = np.cumsum(chance[:, 2:], axis=0)
     turned_deg = noise.rotation_deg * chance[:, 0] + noise.rotation_walk_deg * walk[:, 0]
-    motions = np.broadcast_to(np.eye(4), (count, 4, 4)).copy()
-    motions[:, :3, :3] = Rotation.from_rotvec(turned_deg, degrees=True).as_matrix()
-    motions[:, :3, 3] = noise.position_m * chance[:, 1] + noise.position_walk_m * walk[:, 1]
-    return motions
+    moved_m = noise.position_m * chance[:, 1] + noise.position_walk_m * walk[:, 1]
+    return from_rotation(Rotation.from_rotvec(turned_deg, degrees=True).as_matrix(), moved_m)
 
 
 def require_lag(sequence: Sequence, lag_frames: float) -> None:

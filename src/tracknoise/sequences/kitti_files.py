@@ -31,7 +31,7 @@ from scipy.spatial.transform import Rotation
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import MIB, damage_reported, read_bytes, read_text
 from tracknoise.geometry.cameras import Camera
-from tracknoise.geometry.pose import invert
+from tracknoise.geometry.pose import from_rotation, invert
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import checked_poses, no_poses, read_rows, require_near
 from tracknoise.sequences.recorded import ImageFiles
@@ -192,9 +192,7 @@ def projection(path: Path, values: Values, key: str) -> NDArray[np.float64]:
 
 def camera_from_reference(P: NDArray[np.float64]) -> NDArray[np.float64]:
     """(4, 4) float64: from the rectified camera 0 to the camera of P = K (I | t), which only t separates from it."""
-    shift = np.eye(4)
-    shift[:3, 3] = np.linalg.solve(P[:, :3], P[:, 3])
-    return shift
+    return from_rotation(np.eye(3), np.linalg.solve(P[:, :3], P[:, 3]))
 
 
 def camera_of(P: NDArray[np.float64], images: tuple[Path, ...]) -> Camera:
@@ -212,9 +210,7 @@ def second_camera(first: NDArray[np.float64], second: NDArray[np.float64], image
 
 def rigid(path: Path, rotation: NDArray[np.float64], translation_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """A transform, (4, 4) float64, whose rotation, rounded in the file, is made exact."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), translation_m
-    poses, _ = checked_poses(pose[None], [path])
+    poses, _ = checked_poses(from_rotation(rotation.reshape(1, 3, 3), translation_m), [path])
     exact: NDArray[np.float64] = poses[0]
     return exact
 
@@ -380,10 +376,7 @@ def poses_of_records(records: NDArray[np.float64]) -> NDArray[np.float64]:
     scale_m = EARTH_RADIUS_M * np.cos(np.deg2rad(records[:1, 0]))
     lat, lon = np.deg2rad(records[:, :2]).T
     place = np.stack([scale_m * lon, scale_m * np.log(np.tan(np.pi / 4 + lat / 2)), records[:, 2]], axis=-1)
-    poses = np.broadcast_to(np.eye(4), (len(records), 4, 4)).copy()
-    poses[:, :3, :3] = Rotation.from_euler("ZYX", records[:, :2:-1]).as_matrix()
-    poses[:, :3, 3] = place - place[:1]
-    return poses
+    return from_rotation(Rotation.from_euler("ZYX", records[:, :2:-1]).as_matrix(), place - place[:1])
 
 
 def records_of_poses(world_from_imu: NDArray[np.float64], *, start: tuple[float, float, float]) -> NDArray[np.float64]:

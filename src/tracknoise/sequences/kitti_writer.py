@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
 from tracknoise.geometry.cameras import Camera, CameraModel
-from tracknoise.geometry.pose import invert, transform
+from tracknoise.geometry.pose import from_rotation, invert, transform
 from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.kitti import UNITS_PER_METRE
 from tracknoise.sequences.kitti_files import (
@@ -60,9 +60,7 @@ Pose = NDArray[np.float64]
 
 
 def _mounted(rotation: Rotation, translation_m: tuple[float, float, float]) -> Pose:
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.as_matrix(), translation_m
-    return pose
+    return from_rotation(rotation.as_matrix(), translation_m)
 
 
 _AXES = Rotation.from_matrix([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # forward, left, up to a camera's

@@ -18,6 +18,7 @@ from tracknoise.foreign_files import is_regular_file
 from tracknoise.geometry.accuracy import EXACT_DEPTH, EXACT_POSE, DepthAccuracy, PoseAccuracy
 from tracknoise.geometry.cameras import LENSES, KnownCamera, make_camera
 from tracknoise.geometry.depth import DepthMap
+from tracknoise.geometry.pose import from_rotation
 from tracknoise.geometry.shutter import RollingShutter
 from tracknoise.sequences.faults import NO_FAULTS, Faults, with_faults
 from tracknoise.sequences.sequence import SecondCamera, Sequence, TruthKind, facts_of
@@ -119,8 +120,7 @@ class SimulatedSequence:
         """A camera on the right of the first; None where the settings have none."""
         if not self.settings.baseline_m:
             return None
-        first_from_second = np.eye(4)
-        first_from_second[0, 3] = self.settings.baseline_m
+        first_from_second = from_rotation(np.eye(3), (self.settings.baseline_m, 0.0, 0.0))
         return SecondCamera(self.settings.camera_beside, first_from_second, self._second_image)
 
     def depth(self, index: int) -> DepthMap:
@@ -483,10 +483,7 @@ class Simulated:
 
     def _world_from_motion(self) -> NDArray[np.float64]:
         """(4, 4) float64: from the frame of the motion to that of the world file."""
-        pose = np.eye(4)
-        pose[:3, :3] = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix()
-        pose[:3, 3] = self.origin
-        return pose
+        return from_rotation(Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix(), self.origin)
 
 
 def _built(place: str, seed: int, scene: str, models: Path) -> Scenery:

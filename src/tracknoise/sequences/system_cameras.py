@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError, UnknownNameError
+from tracknoise.geometry.pose import from_rotation
 from tracknoise.sequences.entries import Entries
 from tracknoise.sequences.poses import checked_poses, quaternion_poses
 from tracknoise.sequences.scenes import with_option
@@ -155,9 +156,7 @@ def _vins_body(entries: Entries) -> NDArray[np.float64] | None:
     """Place of the camera on the IMU; None where it is only a first guess."""
     if not entries.name("extrinsicRotation") or _stated(entries, "estimate_extrinsic"):
         return None
-    pose = np.eye(4)
-    pose[:3, :3] = entries.matrix("extrinsicRotation", 3, 3)
-    pose[:3, 3] = entries.numbers("extrinsicTranslation", 3)
+    pose = from_rotation(entries.matrix("extrinsicRotation", 3, 3), entries.numbers("extrinsicTranslation", 3))
     (rigid,), _ = checked_poses(pose[None], [f"{entries.place}: extrinsicRotation"])
     return np.asarray(rigid)
 

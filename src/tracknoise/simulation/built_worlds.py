@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError
+from tracknoise.geometry.pose import from_rotation
 from tracknoise.simulation.motion import LANE_NORTH_M, LANE_X_M, ORBIT_M
 from tracknoise.simulation.sdf_files import model_names
 from tracknoise.simulation.sdf_worlds import load_model
@@ -190,15 +191,12 @@ class _Row:
 
     def put(self, thing: _Object, rng: np.random.Generator) -> None:
         """Place an object next to the last one, rotated by about 0, 90, 180 or 270 degrees."""
-        turn = np.eye(4)
         angle_deg = 90.0 * rng.integers(4) + rng.uniform(-8.0, 8.0)
-        turn[:3, :3] = Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
-        turned = moved(thing.world, turn)
+        rotation = Rotation.from_euler("z", angle_deg, degrees=True).as_matrix()
+        turned = moved(thing.world, from_rotation(rotation, np.zeros(3)))
         low, high = turned.vertices.min(axis=0), turned.vertices.max(axis=0)
-        shift = np.eye(4)
-        shift[0, 3] = self.filled_m - self.half_m - low[0]
-        shift[1, 3] = rng.uniform(*self.near_m) - low[1]
-        self.objects.append(_Object(thing.name, moved(turned, shift)))
+        shift_m = (self.filled_m - self.half_m - low[0], rng.uniform(*self.near_m) - low[1], 0.0)
+        self.objects.append(_Object(thing.name, moved(turned, from_rotation(np.eye(3), shift_m))))
         self.filled_m += float(high[0] - low[0]) + rng.uniform(*self.gap_m)
 
 

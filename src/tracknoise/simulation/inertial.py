@@ -19,6 +19,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation, RotationSpline
 
+from tracknoise.geometry.pose import from_rotation
+
 GRAVITY_M_S2 = 9.81
 GRAVITY = np.array([0.0, 0.0, -GRAVITY_M_S2])
 """In the world of simulated motions, whose z axis points up, m/s^2."""
@@ -65,10 +67,7 @@ class SmoothPath:
 
     def poses(self, at_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m, 4, 4) float64: world_from_camera at times (m,), seconds."""
-        poses = np.broadcast_to(np.eye(4), (len(at_s), 4, 4)).copy()
-        poses[:, :3, :3] = self._rotations(at_s).as_matrix()
-        poses[:, :3, 3] = self._positions(at_s)
-        return poses
+        return from_rotation(self._rotations(at_s).as_matrix(), self._positions(at_s))
 
     def velocities(self, at_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """(m, 3) float64: velocities at times (m,), in the world, m/s."""

@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from tracknoise.geometry.pose import from_rotation
+
 EYE_HEIGHT_M = 1.6
 ORBIT_M = 6.0
 """Distance of the fixating camera from its target, which is above the origin."""
@@ -76,7 +78,7 @@ def _flight(frames: int, rng: np.random.Generator, *, swaying: float) -> NDArray
     """The flight of `linear` with this share of its sway."""
     step = _LINEAR_STEP_M * rng.uniform(0.9, 1.1)
     x = _back_and_forth(step, frames, 2.0 * LINEAR_HALF_M) - LINEAR_HALF_M
-    sway = swaying * _sway(frames, 5, rng)
+    sway = swaying * _sway(frames, rng)
     across = (_HOME[1], _HOVER_HEIGHT_M) + rng.uniform(-0.3, 0.3, 2) + _HOVER_SWAY_M * sway[:, :2]
     poses = looking(np.column_stack([x, across]), np.broadcast_to([0.0, 1.0, 0.0], (frames, 3)))
     poses[:, :3, :3] @= Rotation.from_rotvec(_HOVER_SWAY_DEG * sway[:, 2:], degrees=True).as_matrix()
@@ -114,10 +116,8 @@ def arvr(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
     leg, way = np.divmod(np.arange(frames) / _FRAMES_A_LEG, 1.0)
     pace = leg + np.sin(np.pi * way / 2.0) ** 2
     leg = np.minimum(pace.astype(np.intp), legs - 1)
-    poses = np.broadcast_to(np.eye(4), (frames, 4, 4)).copy()
-    poses[:, :3, :3] = Slerp(np.arange(legs + 1), rotations)(pace).as_matrix()
-    poses[:, :3, 3] = centres[leg] + (pace - leg)[:, None] * (centres[leg + 1] - centres[leg])
-    return poses
+    positions = centres[leg] + (pace - leg)[:, None] * (centres[leg + 1] - centres[leg])
+    return from_rotation(Slerp(np.arange(legs + 1), rotations)(pace).as_matrix(), positions)
 
 
 def _glances(chance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -146,14 +146,12 @@ def looking(centres: NDArray[np.float64], forwards: NDArray[np.float64]) -> NDAr
     z = forwards / np.linalg.norm(forwards, axis=1, keepdims=True)
     x = np.cross(z, [0.0, 0.0, 1.0])
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    poses = np.broadcast_to(np.eye(4), (len(centres), 4, 4)).copy()
-    poses[:, :3] = np.stack([x, np.cross(z, x), z, centres], axis=-1)
-    return poses
+    return from_rotation(np.stack([x, np.cross(z, x), z], axis=-1), centres)
 
 
-def _sway(frames: int, count: int, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(frames, count) smooth signals within -1 and 1, independent of each other."""
-    phase = rng.uniform(0.0, 2.0 * np.pi, (count, len(_HOVER_PERIODS)))
+def _sway(frames: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    """(frames, 5) smooth signals within -1 and 1, independent of each other."""
+    phase = rng.uniform(0.0, 2.0 * np.pi, (5, len(_HOVER_PERIODS)))
     turns = 2.0 * np.pi * np.arange(frames)[:, None, None] / _HOVER_PERIODS
     signals: NDArray[np.float64] = np.sin(turns + phase).mean(axis=2)
     return signals

@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from tracknoise.exceptions import DataError, one_line
 from tracknoise.foreign_files import Element, absolute, is_folder, is_regular_file, read_xml
+from tracknoise.geometry.pose import from_rotation
 from tracknoise.text import counted
 
 
@@ -170,9 +171,8 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
     parent's fixed axes in this order: R = Rz(yaw) Ry(pitch) Rx(roll). With ``rotation_format="quat_xyzw"`` the last
     three are a quaternion instead.
     """
-    pose = np.eye(4)
     if element is None or not (element.text or "").strip():
-        return pose
+        return np.eye(4)
     if element.get("rotation_format") == "quat_xyzw":
         values = numbers(element, 7, place)
         if np.linalg.norm(values[3:]) < _SHORTEST:
@@ -181,8 +181,7 @@ def pose_of(element: Element | None, place: str | Path) -> NDArray[np.float64]:
     else:
         values = numbers(element, 6, place)
         rotation = Rotation.from_euler("xyz", values[3:], degrees=element.get("degrees") in ("true", "1"))
-    pose[:3, :3], pose[:3, 3] = rotation.as_matrix(), values[:3]
-    return pose
+    return from_rotation(rotation.as_matrix(), values[:3])
 
 
 MOST_INCLUDE_LEVELS, MOST_INCLUDES = 8, 1000

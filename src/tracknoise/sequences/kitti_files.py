@@ -35,7 +35,7 @@ from tracknoise.geometry.pose import from_rotation, invert
 from tracknoise.sequences.images import first_readable, image_size
 from tracknoise.sequences.poses import checked_poses, no_poses, read_rows, require_near
 from tracknoise.sequences.recorded import ImageFiles
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken
+from tracknoise.sequences.scenes import any_numbered_files, find_scenes, numbered_files, require_unbroken
 from tracknoise.sequences.sequence import SecondCamera, require_directory
 from tracknoise.text import counted, counted_of
 
@@ -141,9 +141,9 @@ def recording_of(name: str) -> str | None:
 def find_frames(drive: Drive) -> DriveFrames:
     """Find the frames of a drive."""
     images = numbered_files(drive.folder / IMAGES / "data", r"(\d+)\.(?:png|jpe?g)")
-    maps = _numbered(drive.depth_folder, r"(\d+)\.png")
-    scans = _numbered(drive.folder / VELODYNE / "data", r"(\d+)\.bin")
-    records = _numbered(drive.oxts(0).parent, r"(\d+)\.txt")
+    maps = any_numbered_files(drive.depth_folder, r"(\d+)\.png")
+    scans = any_numbered_files(drive.folder / VELODYNE / "data", r"(\d+)\.bin")
+    records = any_numbered_files(drive.oxts(0).parent, r"(\d+)\.txt")
     numbers = require_unbroken(images, {*maps, *scans, *records}, drive.image)
     depths = tuple(maps.get(number, scans.get(number)) for number in numbers)
     return DriveFrames(numbers, tuple(images.values()), depths)
@@ -154,10 +154,6 @@ def _split_of(depth_root: Path, name: str) -> Path:
     return next(
         (depth_root / split / name for split in _SPLITS if (depth_root / split / name).exists()), depth_root / name
     )
-
-
-def _numbered(folder: Path, pattern: str) -> dict[int, Path]:
-    return numbered_files(folder, pattern) if folder.exists() else {}
 
 
 POSE_COLUMNS = "r11 r12 r13 tx r21 r22 r23 ty r31 r32 r33 tz"
@@ -259,7 +255,7 @@ def read_camera(day: Path) -> Camera:
 
 def read_second_camera(drive: Drive, numbers: range) -> SecondCamera | None:
     """Camera 3 beside camera 2; None where its calibration, or an image of a frame, is missing."""
-    images = _numbered(drive.folder / _SECOND_IMAGES / "data", r"(\d+)\.(?:png|jpe?g)")
+    images = any_numbered_files(drive.folder / _SECOND_IMAGES / "data", r"(\d+)\.(?:png|jpe?g)")
     if not images.keys() >= {*numbers}:
         return None
     path, paths = drive.day / CAM_TO_CAM, tuple(images[number] for number in numbers)

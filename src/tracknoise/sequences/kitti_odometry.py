@@ -35,7 +35,14 @@ from tracknoise.sequences.kitti_files import (
 from tracknoise.sequences.likely_times import seconds_of
 from tracknoise.sequences.poses import no_poses, read_rows, require_poses, surplus_notes
 from tracknoise.sequences.recorded import ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import find_scenes, numbered_files, require_unbroken, scene_folder, with_option
+from tracknoise.sequences.scenes import (
+    any_numbered_files,
+    find_scenes,
+    numbered_files,
+    require_unbroken,
+    scene_folder,
+    with_option,
+)
 from tracknoise.sequences.sequence import Body, SecondCamera
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
@@ -94,7 +101,7 @@ def find_frames(course: Course, camera: int) -> DriveFrames:
     folder, scans = course.images(camera), course.folder / _VELODYNE
     images = numbered_files(folder, IMAGE_NAME)
     numbers = require_unbroken(images, (), lambda number: folder / f"{number:06d}.png")
-    scan_of = numbered_files(scans, r"(\d+)\.bin") if scans.exists() else {}
+    scan_of = any_numbered_files(scans, r"(\d+)\.bin")
     return DriveFrames(numbers, tuple(images.values()), tuple(map(scan_of.get, numbers)))
 
 
@@ -253,7 +260,7 @@ class KittiOdometry:
 def _second(course: Course, first: int, P: NDArray[np.float64], numbers: range) -> SecondCamera | None:
     """The other camera of a pair, 0 and 1 or 2 and 3, if it has an image of each frame."""
     second = first ^ 1
-    images = numbered_files(course.images(second), IMAGE_NAME) if course.images(second).exists() else {}
+    images = any_numbered_files(course.images(second), IMAGE_NAME)
     if not images.keys() >= {*numbers}:
         return None
     second_P, paths = read_projection(course.folder / CALIBRATION, second), tuple(images[number] for number in numbers)

@@ -93,6 +93,11 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     return files
 
 
+def any_numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
+    """As `numbered_files`; none where there is no folder."""
+    return numbered_files(folder, pattern) if folder.exists() else {}
+
+
 def require_unbroken(images: Collection[int], others: Collection[int], path_of: Callable[[int], Path]) -> range:
     """Check that every frame from the first to the last has an image. A gap would silently change the speed."""
     if not images:

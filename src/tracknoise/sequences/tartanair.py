@@ -25,7 +25,14 @@ from tracknoise.geometry.pose import invert
 from tracknoise.sequences.images import first_readable, image_size, read_depth_npy, read_depth_png_float32
 from tracknoise.sequences.poses import quaternion_poses, read_rows, require_poses
 from tracknoise.sequences.recorded import DepthReader, ImageFiles, RecordedSequence, depth_files, depth_notes
-from tracknoise.sequences.scenes import SceneReader, find_scenes, numbered_files, parent_of, require_unbroken
+from tracknoise.sequences.scenes import (
+    SceneReader,
+    any_numbered_files,
+    find_scenes,
+    numbered_files,
+    parent_of,
+    require_unbroken,
+)
 from tracknoise.sequences.sequence import NED_AXES, SecondCamera
 from tracknoise.tables.identity import SequenceId
 
@@ -106,7 +113,7 @@ class TartanAir(SceneReader):
         camera = self._camera_of({path.name for path in folder.iterdir()})
         version = _VERSIONS[str(camera)]
         images = numbered_files(folder / f"image_{camera}", rf"(\d+)_{camera}\.png")
-        depth_paths = _depth_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
+        depth_paths = any_numbered_files(folder / f"depth_{camera}", rf"(\d+)_{camera}_depth\.{version.depth_suffix}")
         rows, places = read_rows(folder / f"pose_{camera}.txt", _COLUMNS)
         other_frames = {*depth_paths, *(range(len(rows)) if version.image_for_each_pose else ())}
         frames = require_unbroken(
@@ -160,10 +167,6 @@ def _second(folder: Path, first: str, rows: NDArray[np.float64], frames: range) 
         return None
     camera = _VERSIONS[first].intrinsics
     return SecondCamera(camera, place, ImageFiles(tuple(files[number] for number in frames), camera))
-
-
-def _depth_files(folder: Path, pattern: str) -> dict[int, Path]:
-    return numbered_files(folder, pattern) if folder.exists() else {}
 
 
 def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:

@@ -352,8 +352,7 @@ class Euroc(SceneReader):
     def __post_init__(self) -> None:
         require_bounds(self)
         require_finite("time_shift_s", self.time_shift_s or 0.0)
-        if self.image_levels is not None:
-            require_levels("image_levels", self.image_levels)
+        require_levels(self.image_levels)
 
     def recordings(self) -> list[SequenceId]:
         """All recordings: see `ImageReader.recordings`."""

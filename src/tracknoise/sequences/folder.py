@@ -15,7 +15,6 @@ from itertools import compress, pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,6 +32,7 @@ from tracknoise.sequences.camera_pairs import (
     require_pose_numbers,
 )
 from tracknoise.sequences.images import (
+    encode_png,
     first_readable,
     image_size,
     level_notes,
@@ -61,7 +61,7 @@ from tracknoise.sequences.scenes import (
 )
 from tracknoise.sequences.second_camera import SomeImages
 from tracknoise.sequences.sequence import SecondCamera, Sequence, shutter_of, times_of
-from tracknoise.sequences.writing import new_folder, only_camera
+from tracknoise.sequences.writing import new_folder, only_camera, write_times
 from tracknoise.tables.identity import SequenceId
 from tracknoise.text import counted
 from tracknoise.time_units import TimeUnit, is_likely, rate_of, unit_of_clock
@@ -135,8 +135,7 @@ class Folder(SceneReader):
 
     def __post_init__(self) -> None:
         require_bounds(self)
-        if self.image_levels is not None:
-            require_levels("image_levels", self.image_levels)
+        require_levels(self.image_levels)
         require_pose_numbers("first_from_second", self.first_from_second)
 
     def recordings(self) -> list[SequenceId]:
@@ -320,8 +319,7 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
     (folder / _IMAGES).mkdir()
     (folder / _DEPTH).mkdir()
     for index in range(len(sequence)):
-        _, png = cv2.imencode(".png", sequence.image(index))
-        (folder / _IMAGES / f"{index:06d}.png").write_bytes(png.tobytes())
+        (folder / _IMAGES / f"{index:06d}.png").write_bytes(encode_png(sequence.image(index)))
         depth = sequence.depth(index)
         if depth is not None:
             np.save(folder / _DEPTH / f"{index:06d}.npy", _plain(depth))
@@ -333,8 +331,7 @@ def _write_files(sequence: Sequence, folder: Path, progress: Callable[[int, int]
     (folder / _POSES).write_text(_pose_lines(sequence.world_from_camera), encoding="utf-8")
     times = times_of(sequence)
     if times is not None:
-        lines = ["# timestamp_s (seconds; one row per frame)", *map(repr, times.tolist()), ""]
-        (folder / _TIMES).write_text("\n".join(lines), encoding="utf-8")
+        write_times(folder / _TIMES, times)
 
 
 def _camera_entries(sequence: Sequence) -> dict[str, Any]:
@@ -486,7 +483,7 @@ def _gap_notes(images: tuple[Path, ...]) -> tuple[str, ...]:
 def _poses(rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
     """(n, 4, 4) float64: the pose of each row, all NaN where every field of the row is nan."""
     posed = np.asarray(~np.isnan(rows).all(axis=1))
-    poses = np.full((len(rows), 4, 4), np.nan)
+    poses = no_poses(len(rows))
     poses[posed] = quaternion_poses(rows[posed, :3], rows[posed, 3:], list(compress(places, posed)))
     return poses
 

@@ -111,10 +111,12 @@ def scaled(image: NDArray[np.uint16], levels: Levels) -> NDArray[np.uint8]:
     return np.clip(np.rint(grey), 0.0, 255.0).astype(np.uint8)
 
 
-def require_levels(field: str, levels: Levels) -> None:
-    """Raise ValueError unless `levels` are two values of 16 bits, the lower first."""
-    black, white = levels
-    require(0 <= black < white <= _MOST_LEVEL, field, [*levels], f"[low, high] with 0 <= low < high <= {_MOST_LEVEL}")
+def require_levels(levels: Levels | None) -> None:
+    """Raise ValueError unless the option `image_levels` is not given, or two values of 16 bits, the lower first."""
+    if levels is not None:
+        black, white = levels
+        expected = f"[low, high] with 0 <= low < high <= {_MOST_LEVEL}"
+        require(0 <= black < white <= _MOST_LEVEL, "image_levels", [*levels], expected)
 
 
 def read_depth_png16(path: Path, camera: CameraModel, *, metres_per_unit: float) -> DepthMap:

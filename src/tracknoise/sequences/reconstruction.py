@@ -18,7 +18,6 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
@@ -28,6 +27,7 @@ from tracknoise.geometry.cameras import Camera, CameraModel, EquidistantCamera, 
 from tracknoise.geometry.depth import sample
 from tracknoise.geometry.pose import invert, position_rows
 from tracknoise.sequences.colmap import CORNER_PX
+from tracknoise.sequences.images import encode_png
 from tracknoise.sequences.poses import no_poses
 from tracknoise.sequences.sequence import Sequence, camera_at, clock_start_of, times_of
 from tracknoise.sequences.writing import only_camera
@@ -251,8 +251,7 @@ def _camera(camera: CameraModel, source: str) -> tuple[str, tuple[float, ...]]:
 def _write_images(sequence: Sequence, folder: Path) -> None:
     digits = max(6, math.ceil(math.log10(len(sequence) + 1)))
     for index in range(len(sequence)):
-        _, png = cv2.imencode(".png", sequence.image(index))
-        (folder / f"{index:0{digits}d}.png").write_bytes(png.tobytes())
+        (folder / f"{index:0{digits}d}.png").write_bytes(encode_png(sequence.image(index)))
 
 
 def _extraction(colmap: ModuleType) -> object:

@@ -138,8 +138,7 @@ class Rosbag(SceneReader):
 
     def __post_init__(self) -> None:
         require_bounds(self)
-        if self.image_levels is not None:
-            require_levels("image_levels", self.image_levels)
+        require_levels(self.image_levels)
         require_pose_numbers("body_from_camera", self.body_from_camera)
         require_pose_numbers("first_from_second", self.first_from_second)
 

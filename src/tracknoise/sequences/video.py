@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_regular_file, require_regular
-from tracknoise.sequences.writing import new_folder
+from tracknoise.sequences.images import encode_png
+from tracknoise.sequences.writing import new_folder, write_times
 from tracknoise.text import counted
 from tracknoise.time_units import SHORTEST_S
 
@@ -74,15 +75,13 @@ def write_frames(video: Path, folder: Path, size: tuple[int, int] | None) -> tup
             actual = (image.shape[1], image.shape[0])
             if size is not None and actual != size:
                 raise DataError(video, f"frames of {actual[0]}x{actual[1]}", f"the camera's {size[0]}x{size[1]}")
-            _, png = cv2.imencode(".png", image)
-            (unfinished / "images" / f"{len(times_s):06d}.png").write_bytes(png.tobytes())
+            (unfinished / "images" / f"{len(times_s):06d}.png").write_bytes(encode_png(image))
             times_s.append(capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3)
         if len(times_s) < 2:
             raise DataError(video, f"{counted(len(times_s), 'frame')} that OpenCV can read", "a video of at least two")
         times, note = _times(np.array(times_s), capture.get(cv2.CAP_PROP_FPS))
         if times is not None:
-            lines = ["# timestamp_s (seconds; one row per frame)", *map(repr, times.tolist()), ""]
-            (unfinished / "timestamps.txt").write_text("\n".join(lines), encoding="utf-8")
+            write_times(unfinished / "timestamps.txt", times)
         stated = int(capture.get(cv2.CAP_PROP_FRAME_COUNT))
     lost = f"{len(times_s)} of the {stated} frames that it states can be read"
     return len(times_s), (note, *((lost,) if len(times_s) < stated else ()))

@@ -1,8 +1,11 @@
-"""Writing sequences: folders that appear at once, and the camera of formats that can hold only one."""
+"""Writing sequences: folders that appear at once, times of frames, and the camera of formats that hold only one."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from tracknoise import atomic
 from tracknoise.exceptions import DataError
@@ -22,6 +25,12 @@ def new_folder(path: Path) -> Iterator[Path]:
     except OSError as error:
         reason = error.strerror or error
         raise DataError(path, f"cannot be written ({reason})", "a folder that can be written") from error
+
+
+def write_times(path: Path, times_s: NDArray[np.float64]) -> None:
+    """Write the times of frames, (n,) float64, with all digits, as the reader ``folder`` reads them."""
+    lines = ["# timestamp_s (seconds; one row per frame)", *map(repr, times_s.tolist()), ""]
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def pinhole_of(sequence: Sequence) -> Camera:

@@ -174,11 +174,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
     Returns: the document's keys and values: plain lists, mappings, numbers and texts.
     """
-    return parse_yaml(path, read_text(path, _EXPECTED_YAML, most=_MOST_BYTES))
-
-
-def parse_yaml(path: Path, text: str) -> dict[str, Any]:
-    """Parse the text of a YAML file: see `read_yaml`."""
+    text = read_text(path, _EXPECTED_YAML, most=_MOST_BYTES)
     with damage_reported(path, "no YAML", _EXPECTED_YAML, with_reason=True):
         try:
             document = _first_document(_TAB.sub(" ", _without_opencv_header(text)))

@@ -32,7 +32,7 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.geometry.pose import invert
 from tracknoise.options import DataPath
 from tracknoise.sequences.camera_files import CameraFile, checked_camera
-from tracknoise.sequences.poses import pose_notes, quaternion_poses
+from tracknoise.sequences.poses import no_poses, pose_notes, quaternion_poses
 from tracknoise.sequences.recorded import (
     ImageFiles,
     RecordedSequence,
@@ -551,6 +551,6 @@ def _cameras(folder: Path, names: list[str], model: Reconstruction) -> tuple[Cam
 def _poses(names: list[str], model: Reconstruction) -> NDArray[np.float64]:
     """(n, 4, 4) float64: world_from_camera, NaN for images that are not registered."""
     registered = [index for index, name in enumerate(names) if name in model.images]
-    poses = np.full((len(names), 4, 4), np.nan)
+    poses = no_poses(len(names))
     poses[registered] = poses_of([model.images[names[index]] for index in registered])
     return poses

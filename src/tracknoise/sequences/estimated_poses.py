@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import DataError
 from tracknoise.foreign_files import is_folder, is_number, is_regular_file, read_bytes, read_text
 from tracknoise.geometry.pose import PosePath, invert, nearest
-from tracknoise.sequences.colmap import SCALE_NOTE, ColmapImage, poses_of, read_binary_images, read_text_images
+from tracknoise.sequences.colmap import SCALE_NOTE, poses_of, read_binary_images, read_text_images
 from tracknoise.sequences.euroc import pose_rows, read_table
 from tracknoise.sequences.kitti_files import POSE_COLUMNS, poses_of_rows
 from tracknoise.sequences.likely_times import require_seconds
@@ -169,11 +169,11 @@ def _read(path: Path) -> _File:
     if commas and count >= 8 and is_number(fields[0]) and (header or unit_of_clock(float(fields[0])) is TimeUnit.ns):
         return _euroc(path)
     if is_numeric and count == len(POSE_COLUMNS.split()):
-        return _rows(path, "KITTI", *_kitti_poses(path))
+        return _rows(path, "KITTI", *poses_of_rows(*read_rows(path, POSE_COLUMNS)))
     if is_numeric and count == len(_TUM.split()):
         return _tum(path)
     if is_numeric and count == len(_NO_TIMES.split()):
-        return _rows(path, "rows of a position and a quaternion", *_plain_poses(path))
+        return _rows(path, "rows of a position and a quaternion", _in_order(path, *read_rows(path, _NO_TIMES)), ())
     if count == 10 and all(map(is_number, fields[:9])):
         return _colmap(path, path)
     if count >= 8 and not is_number(fields[0]) and all(map(is_number, fields[1:])):
@@ -222,15 +222,6 @@ def _unit(times: NDArray[np.float64], usual: TimeUnit) -> TimeUnit:
     taken_hz = rate * unit.per_second
     likely = None if _SLOWEST_HZ <= taken_hz <= FASTEST_HZ else likely_unit(taken_hz, unit)
     return unit if likely is None else likely[0]
-
-
-def _kitti_poses(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    return poses_of_rows(*read_rows(path, POSE_COLUMNS))
-
-
-def _plain_poses(path: Path) -> tuple[NDArray[np.float64], tuple[str, ...]]:
-    rows, places = read_rows(path, _NO_TIMES)
-    return _in_order(path, rows, places), ()
 
 
 def _in_order(path: Path, rows: NDArray[np.float64], places: list[str]) -> NDArray[np.float64]:
@@ -349,11 +340,7 @@ def _colmap(path: Path, file: Path) -> _File:
     images = read_binary_images(file) if is_binary else read_text_images(file)
     if not images:
         raise DataError(file, "no registered images", "at least two")
-    return _named(path, _COLMAP, *_named_poses(images))
-
-
-def _named_poses(images: list[ColmapImage]) -> tuple[list[str], NDArray[np.float64]]:
-    return [image.name for image in images], poses_of(images)
+    return _named(path, _COLMAP, [image.name for image in images], poses_of(images))
 
 
 def _poses_by_name(path: Path) -> tuple[list[str], NDArray[np.float64]]:
@@ -381,7 +368,7 @@ def _named(path: Path, layout: str, names: list[str], poses: NDArray[np.float64]
         if missing > len(images) - min(2, len(images)):
             found = f"poses of images such as {names[0]}, of which the recording has {len(images) - missing}"
             raise DataError(path, found, f"names of its images, such as {images[0].name}")
-        of_frames = np.full((len(images), 4, 4), np.nan)
+        of_frames = no_poses(len(images))
         for frame, row in enumerate(index):
             if row is not None:
                 of_frames[frame] = poses[row]

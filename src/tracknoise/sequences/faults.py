@@ -332,10 +332,12 @@ class FaultySequence(View):
         """The stated camera of one frame."""
         return stated_camera(camera_at(self.sequence, index), self.faults)
 
-    @property
+    @cached_property
     def world_from_camera(self) -> NDArray[np.float64]:
         """(n, 4, 4) float64: the stated poses."""
-        return self._poses
+        if not self.faults.move_poses:
+            return self.sequence.world_from_camera
+        return stated_poses(self.sequence, self.faults, self._generator(_Stream.poses))
 
     @property
     def pose_accuracy(self) -> PoseAccuracy | None:
@@ -374,12 +376,6 @@ class FaultySequence(View):
         if faults == replace(DepthFaults(), lag_frames=faults.lag_frames):
             return depth
         return None if depth is None else stated_depth(depth, faults, self._generator(_Stream.depth, index))
-
-    @cached_property
-    def _poses(self) -> NDArray[np.float64]:
-        if not self.faults.move_poses:
-            return self.sequence.world_from_camera
-        return stated_poses(self.sequence, self.faults, self._generator(_Stream.poses))
 
     def _generator(self, stream: _Stream, index: int = 0) -> np.random.Generator:
         """A generator that does not depend on the order in which frames are read."""

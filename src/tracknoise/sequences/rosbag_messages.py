@@ -355,13 +355,13 @@ class Chosen:
 def choose_topics(bag: Bag, wanted: Wanted) -> Chosen:
     """Find the topic of each kind: the one that the user names, or the only one."""
     filled = [topic for topic in bag.topics.values() if topic.count]
-    deep = {topic.name for topic in _of_kinds(filled, _IMAGE_KINDS) if _is_depth(bag, topic)}
     moving = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if not topic.name.endswith(_STATIC))
     static = tuple(topic for topic in _of_kinds(filled, [TRANSFORMS]) if topic.name.endswith(_STATIC))
-    images, depths = _split(_of_kinds(filled, _IMAGE_KINDS), deep)
+    pictures = _of_kinds(filled, _IMAGE_KINDS)
+    deep = {topic.name for topic in pictures if _is_depth(bag, topic)}
     second = None if wanted.second is None else _named(bag, "second_image_topic", wanted.second, _IMAGE_KINDS)
-    image = _image(bag, wanted, images)
-    depth = _depth(bag, wanted.depth, depths, image)
+    image = _image(bag, wanted, [topic for topic in pictures if topic.name not in deep])
+    depth = _depth(bag, wanted.depth, [topic for topic in pictures if topic.name in deep], image)
     infos = _of_kinds(filled, [CAMERA_INFO])
     if second is not None and second.name == image.name:
         raise DataError(bag.path, f"{second.name} as images of both cameras", "a topic of each")
@@ -395,10 +395,6 @@ def listing(topics: Iterable[Topic]) -> str:
 
 def _of_kinds(topics: Iterable[Topic], kinds: Iterable[str]) -> list[Topic]:
     return [topic for topic in topics if topic.kind in kinds]
-
-
-def _split(topics: list[Topic], deep: set[str]) -> tuple[list[Topic], list[Topic]]:
-    return [topic for topic in topics if topic.name not in deep], [topic for topic in topics if topic.name in deep]
 
 
 def _is_depth(bag: Bag, topic: Topic) -> bool:
@@ -526,7 +522,7 @@ class _Sample:
 
 def pose_link(bag: Bag, topic: Topic) -> Link:
     """The poses of a topic."""
-    links = _links(bag, topic, moving=True)
+    links = transform_links(bag, topic, moving=True)
     if len(links) != 1:
         pairs = ", ".join(f"{link.child or '(no name)'} in {link.parent}" for link in links)
         raise DataError(f"{bag.path} {topic.name}", f"poses of several frames: {pairs}", "poses of one frame")
@@ -534,11 +530,7 @@ def pose_link(bag: Bag, topic: Topic) -> Link:
 
 
 def transform_links(bag: Bag, topic: Topic, *, moving: bool) -> list[Link]:
-    """The transforms of a tf topic. One that never changes is static, whatever its topic."""
-    return _links(bag, topic, moving=moving)
-
-
-def _links(bag: Bag, topic: Topic, *, moving: bool) -> list[Link]:
+    """The transforms of a topic of tf or of poses. One of tf that never changes is static, whatever its topic."""
     samples: dict[tuple[str, str], list[tuple[int, _Sample]]] = {}
     for position, message in bag.messages(topic.name):
         for sample in _samples(topic.kind, message):

@@ -11,7 +11,6 @@ in px. There is one file per place and half of the data set, such as ``chess_tra
 """
 
 import re
-from collections.abc import Mapping
 from dataclasses import KW_ONLY, dataclass, replace
 from enum import StrEnum
 from functools import partial
@@ -193,7 +192,7 @@ def _poses(
     focal_px = values[:, 7]
     for index in np.flatnonzero(~(np.isfinite(focal_px) & (focal_px > 0.0)))[:1]:
         raise DataError(places[index], f"a focal length of {focal_px[index]:g}", "a number above 0")
-    poses = np.full((count, 4, 4), np.nan)
+    poses = no_poses(count)
     poses[posed] = invert(quaternion_poses(values[:, 4:7], values[:, [1, 2, 3, 0]], places))
     return poses, float(np.median(focal_px))
 
@@ -215,13 +214,10 @@ def _add_rows(rows: dict[str, tuple[str, NDArray[np.float64]]], file: Path) -> N
         image, *fields = line.split() or [""]
         if not image or image.startswith("#"):
             continue
-        _require_new(rows, _name(Path(image)), place)
-        rows[_name(Path(image))] = place, np.array(numbers(fields, _COLUMNS, place))
-
-
-def _require_new(rows: Mapping[str, object], name: str, place: str) -> None:
-    if name in rows:
-        raise DataError(place, f"{name} again", "one row per image")
+        name = _name(Path(image))
+        if name in rows:
+            raise DataError(place, f"{name} again", "one row per image")
+        rows[name] = place, np.array(numbers(fields, _COLUMNS, place))
 
 
 def _name(image: Path) -> str:

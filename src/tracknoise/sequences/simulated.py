@@ -447,11 +447,7 @@ class Simulated:
         SettingsError
             If the faults do not suit the sequence.
         """
-        return self.open_in(self.world_of(sequence.scene), sequence)
-
-    def world_of(self, scene: str) -> RenderedWorld:
-        """The world of a scene, for `open_in`. It is built when it is first used."""
-        return RenderedWorld(self.scenery_of(scene))
+        return self.open_in(RenderedWorld(self.scenery_of(sequence.scene)), sequence)
 
     def scenery_of(self, scene: str) -> Callable[[], Scenery]:
         """What makes or reads the world of a scene. It raises DataError if a world file or a model cannot be used."""

@@ -213,8 +213,25 @@ class Raster:
     size: tuple[float, float] | None = None
 
     def check(self, rows: Rows, context: SequenceContext) -> None:
-        """See `check_coordinates`."""
-        check_coordinates(rows, self, context.size)
+        """Refuse positions that are normalised, whose columns are swapped, or of which none is in the image."""
+        image = context.size
+        images = f"images of {image[0]} x {image[1]} px"
+        if self.size is None and _are_normalised(rows.uv, image):
+            low, high = rows.uv.min(), rows.uv.max()
+            extent = f"{significant(low, 3)} to {significant(high, 3)}"
+            across = 'if they run from 0 to 1 across the image, set raster = [1, 1] and origin = "corner"'
+            expected = f"pixels, and these look like normalised coordinates: {across}"
+            rest = 'if they are x/z and y/z, set units = "normalised"'
+            raise DataError(rows.path, f"positions from {extent} in {images}", f"{expected}; {rest}")
+        uv = self.in_image(rows.uv, image)
+        stated, swapped = inside(uv, image).mean(), inside(uv[:, ::-1], image).mean()
+        if stated < _PIXEL_INSIDE_AS_STATED and swapped > _PIXEL_INSIDE_IF_SWAPPED:
+            found = f"{stated:.0%} of positions inside {images}, {swapped:.0%} with u and v swapped"
+            expected = "u to the right and v down: the columns are swapped, or width and height of the camera"
+            raise DataError(rows.path, found, f"{expected}; {_SWAP}")
+        if stated == 0:
+            expected = "pixels of these images; for tracks of resized images set raster = [width, height]"
+            raise DataError(rows.path, f"no position inside {images}", expected)
 
     def extent(self, context: SequenceContext) -> tuple[float, float]:
         """Sum of a position of the file and the same position from the other end."""
@@ -253,38 +270,6 @@ class Raster:
         for names in covariances(quality):
             converted |= {name: quality[name] * factor for name, factor in zip(names, factors, strict=True)}
         return converted
-
-
-def check_coordinates(rows: Rows, raster: Raster, image: tuple[int, int]) -> None:
-    """Refuse positions that are normalised, whose columns are swapped, or of which none is in the image.
-
-    Shapes: image (width, height).
-    """
-    if raster.size is None and _are_normalised(rows.uv, image):
-        low, high = rows.uv.min(), rows.uv.max()
-        extent = f"{significant(low, 3)} to {significant(high, 3)}"
-        found = f"positions from {extent} in images of {image[0]} x {image[1]} px"
-        expected = "pixels, and these look like normalised coordinates: if they run from 0 to 1 across the image, set"
-        rest = 'raster = [1, 1] and origin = "corner"; if they are x/z and y/z, set units = "normalised"'
-        raise DataError(rows.path, found, f"{expected} {rest}")
-    uv = raster.in_image(rows.uv, image)
-    stated, swapped = inside(uv, image).mean(), inside(uv[:, ::-1], image).mean()
-    if stated < _PIXEL_INSIDE_AS_STATED and swapped > _PIXEL_INSIDE_IF_SWAPPED:
-        found = (
-            f"{stated:.0%} of positions inside images of {image[0]} x {image[1]} px, {swapped:.0%} with u and v swapped"
-        )
-        expected = "u to the right and v down: the columns are swapped, or width and height of the camera"
-        raise DataError(rows.path, found, f"{expected}; {_SWAP}")
-    if stated == 0:
-        found = f"no position inside images of {image[0]} x {image[1]} px"
-        raise DataError(
-            rows.path, found, "pixels of these images; for tracks of resized images set raster = [width, height]"
-        )
-
-
-def share_outside(uv: NDArray[np.float64], image: tuple[int, int]) -> float:
-    """Share of positions (n, 2) outside an image of (width, height) px."""
-    return float(1 - inside(uv, image).mean())
 
 
 def _are_normalised(uv: NDArray[np.float64], image: tuple[int, int]) -> bool:
@@ -850,7 +835,7 @@ def _unseen_notes(unseen: NDArray[np.bool_]) -> Iterator[str]:
 
 
 def _notes(rows: Rows, tracks: Tracks, taken: _Taken, context: SequenceContext) -> Iterator[str]:
-    outside = share_outside(tracks.uv, context.size)
+    outside = float(1 - inside(tracks.uv, context.size).mean())
     if outside >= NOTED_OUTSIDE:
         yield f"{outside:.1%} of imported positions are outside the image"
     if taken.passed:

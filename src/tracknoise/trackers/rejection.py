@@ -121,7 +121,7 @@ def _through_four(target: Floats, from_areas: Floats, to_areas: Floats, from_lin
 
 
 def _map(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Homogeneous coordinates (b, n) of points under each model; explicit sums, as BLAS may round differently."""
+    """Homogeneous coordinates (b, n) of what each model makes of points; explicit sums, as BLAS may round otherwise."""
     u, v = points[:, 0], points[:, 1]
     x, y, w = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
     return x, y, w
@@ -210,8 +210,8 @@ class Fundamental:
 
 def _sampson(models: Floats, source: Floats, target: Floats) -> tuple[Floats, Floats]:
     """What x'^T F x is for each model and match, and the squared length of its gradient: (b, n) each."""
-    a, b, c = _epipolar_lines(models, source)
-    a_back, b_back, _ = _epipolar_lines(np.swapaxes(models, 1, 2), target)
+    a, b, c = _map(models, source)  # epipolar lines
+    a_back, b_back, _ = _map(np.swapaxes(models, 1, 2), target)
     algebraic = a * target[:, 0] + b * target[:, 1] + c
     return algebraic, a * a + b * b + a_back * a_back + b_back * b_back
 
@@ -228,12 +228,6 @@ def _rank_two(models: Floats) -> Floats:
     left, singular, right = np.linalg.svd(models)
     singular[:, 2] = 0.0
     return np.asarray((left * singular[:, None, :]) @ right, dtype=np.float64)
-
-
-def _epipolar_lines(models: Floats, points: Floats) -> tuple[Floats, Floats, Floats]:
-    u, v = points[:, 0], points[:, 1]
-    a, b, c = (row[:, 0:1] * u + row[:, 1:2] * v + row[:, 2:3] for row in models.transpose(1, 0, 2))
-    return a, b, c
 
 
 class Essential(Fundamental):

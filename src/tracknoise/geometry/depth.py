@@ -17,7 +17,7 @@ from tracknoise.geometry.cameras import CameraModel
 LEAST_DEPTH_M = 1e-6
 """Smaller numbers are no depth of a scene; the inverse of some overflows."""
 EDGE_RELATIVE_SPREAD = 0.02
-SPARSE_RELATIVE_SPREAD = 0.1
+_SPARSE_RELATIVE_SPREAD = 0.1
 _LENS_EVERY_PX, _LENS_LEAST = 8, 0.25
 """Pixels at which it is seen whether a lens changes depths along z from pixel to pixel, and the part of an edge's
 spread from which on that counts."""
@@ -155,16 +155,14 @@ def enlarged(depth: DepthMap, camera: CameraModel) -> DepthMap:
     return DepthMap(read.depth_m.reshape(height, width), read.valid.reshape(height, width), accuracy=depth.accuracy)
 
 
-def nearest(
-    depth: DepthMap, uv: NDArray[np.float64], radius_px: float, *, spread: float = SPARSE_RELATIVE_SPREAD
-) -> DepthSample:
+def nearest(depth: DepthMap, uv: NDArray[np.float64], radius_px: float) -> DepthSample:
     """Read sparse depth at sub-pixel positions: the depth of the nearest valid pixel centre.
 
     Of several at the same distance, the one of least depth counts, so that nothing depends on the order of pixels.
-    Where the farthest valid depth within the radius exceeds the nearest by more than `spread`, relative to the nearest,
-    the position lies on an edge and has no depth: pixels of a lidar may belong to two surfaces, and the nearest may
-    belong to the wrong one. On a slanted surface the difference is smaller: on a road, two rows apart, it reaches a
-    tenth only beyond 60 m from KITTI's camera. Shapes: uv (n, 2) px.
+    Where the farthest valid depth within the radius exceeds the nearest by more than a tenth, the position lies on an
+    edge and has no depth: pixels of a lidar may belong to two surfaces, and the nearest may belong to the wrong one. On
+    a slanted surface the difference is smaller: on a road, two rows apart, it reaches a tenth only beyond 60 m from
+    KITTI's camera. Shapes: uv (n, 2) px.
     """
     depth_m, distance_px = _around(depth, uv, radius_px)
     valid = np.isfinite(distance_px)
@@ -172,7 +170,7 @@ def nearest(
     closest = valid & (distance_px == distance_px.min(axis=0))
     at_closest = np.where(closest, depth_m, np.inf).min(axis=0)
     front, back = np.where(valid, depth_m, np.inf).min(axis=0), np.where(valid, depth_m, 0.0).max(axis=0)
-    agree = back <= (1.0 + spread) * front
+    agree = back <= (1.0 + _SPARSE_RELATIVE_SPREAD) * front
     return DepthSample(np.where(has_depth & agree, at_closest, 1.0), has_depth & agree, has_depth & ~agree)
 
 

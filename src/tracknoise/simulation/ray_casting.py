@@ -18,6 +18,8 @@ from tracknoise.geometry.depth import DepthMap
 from tracknoise.simulation.world import World
 
 MISS = -1
+_LIFT_M = 1e-3
+"""Distance of the origins of rays to a light from the surface, so that it does not shade itself."""
 
 
 class Raycaster:
@@ -76,9 +78,7 @@ class Raycaster:
         along = np.einsum("ni,ni->n", normals, directions)
         return np.divide(ahead, along, out=np.zeros(len(directions)), where=hit), hit
 
-    def lit(
-        self, points: NDArray[np.float64], towards_light: NDArray[np.float64], *, lift_m: float = 1e-3
-    ) -> NDArray[np.bool_]:
+    def lit(self, points: NDArray[np.float64], towards_light: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Whether points are lit by a light at infinity.
 
         Parameters
@@ -87,14 +87,12 @@ class Raycaster:
             (n, 3) float64, metres, world frame.
         towards_light
             (3,) float64, unit direction to the light.
-        lift_m
-            Distance of the ray origins from the surface, so that it does not shade itself.
 
         Returns
         -------
         (n,) bool
         """
-        starts = (points + lift_m * towards_light).astype(np.float32)
+        starts = (points + _LIFT_M * towards_light).astype(np.float32)
         directions = np.broadcast_to(towards_light.astype(np.float32), starts.shape)
         clear: NDArray[np.bool_] = self._blockers.run(starts, directions, query="OCCLUDED") == MISS
         return clear

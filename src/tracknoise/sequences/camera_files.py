@@ -383,9 +383,7 @@ def has_matrix(entries: Entries, camera: str | None) -> bool:
     return entries.name(*_numbered(_MATRIX, camera)) is not None
 
 
-def read_matrices(
-    entries: Entries, camera: str | None, size: tuple[int, int] | None, lens: Lens | None = None
-) -> CameraFile:
+def read_matrices(entries: Entries, camera: str | None, size: tuple[int, int] | None, lens: Lens | None) -> CameraFile:
     """The camera of a file that `has_matrix`; where OpenCV calibrated a pair, the one named, by default ``1``.
 
     `lens`: that of four coefficients, where the file does not say.

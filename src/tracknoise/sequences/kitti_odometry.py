@@ -138,9 +138,7 @@ def read_reference_poses(path: Path, numbers: range) -> tuple[NDArray[np.float64
     return poses, (*surplus_notes(path, poses=len(rows), images=numbers.stop), *notes)
 
 
-def read_times(
-    path: Path, numbers: range, unit: TimeUnit | None = None
-) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
+def read_times(path: Path, numbers: range, unit: TimeUnit | None) -> tuple[NDArray[np.float64] | None, tuple[str, ...]]:
     """Read the times of images. Row i belongs to image i. `unit`: None for seconds that are not stated.
 
     `timestamps_s`: seconds after the first of the numbered frames. None where the file is missing or its times do not

@@ -119,7 +119,7 @@ def require_pose_rate(
     place: str | Path,
     stated_by: StatedBy,
     *,
-    taken: TimeUnit = TimeUnit.s,
+    taken: TimeUnit,
 ) -> None:
     """Refuse times of poses whose rate is neither likely nor about that of the frames.
 

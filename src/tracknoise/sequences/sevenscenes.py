@@ -85,7 +85,7 @@ def find_cameras(
     size: tuple[int, int],
     *,
     calibration: Calibration,
-    colour_focal_px: float = COLOUR_FOCAL_PX,
+    colour_focal_px: float,
 ) -> Cameras:
     """The cameras of a recording, from the nearest file of intrinsics or else as published.
 

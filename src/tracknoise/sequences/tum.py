@@ -163,7 +163,7 @@ class Pairs:
     depths: dict[Path, tuple[float, Path]]  # by image: time, seconds, and file of its depth map
 
 
-def read_lists(folder: Path, unit: TimeUnit = TimeUnit.s) -> tuple[FileList, FileList | Pairs]:
+def read_lists(folder: Path, unit: TimeUnit) -> tuple[FileList, FileList | Pairs]:
     """Read which images and depth maps a recording has, at times in a unit."""
     colour, depth = folder / COLOUR, folder / DEPTH
     pairs = next((folder / name for name in PAIRS if (folder / name).exists()), None)

@@ -151,7 +151,7 @@ def _number(place: str, cell: str, name: str) -> float:
 _EVENTS, _XIVO = ("id", "t", "x", "y"), ("timestamp", "id", "u", "v")
 
 
-def read_events(path: Path, chosen: Selection = PLAIN) -> Rows:
+def read_events(path: Path, chosen: Selection) -> Rows:
     """Read lines with the number of a track, a time in seconds, u and v, separated by white space.
 
     A first line or comment that names the columns may give them another order, and further ones.
@@ -218,7 +218,7 @@ def _split_table(path: Path, names: tuple[str, ...]) -> "_Table":
     return _Table.of(table, np.array(lines, dtype=np.int64))
 
 
-def read_xivo(path: Path, chosen: Selection = PLAIN) -> Rows:
+def read_xivo(path: Path, chosen: Selection) -> Rows:
     """Read a dump of XIVO's tracker. Descriptors are ignored."""
     numbers = read_numbers(path, ",", _XIVO)
     values, lines = numbers.values, numbers.lines
@@ -252,7 +252,7 @@ _SEPARATORS = ",;\t"
 _MOST_ROWS, _MOST_COLUMNS = 1 << 20, 1000
 
 
-def read_table(path: Path, chosen: Selection = PLAIN) -> Rows:
+def read_table(path: Path, chosen: Selection) -> Rows:
     """Read a CSV file with a header, or a Parquet file; see `tracknoise.trackers.imported.Imported`.
 
     Rows without a position, such as blank lines, are frames in which the track was not observed.
@@ -583,7 +583,7 @@ _NOT_OF_POINTS = ("video", "frames", "images", "intrinsics", "fps", "size", "hei
 """Arrays that say nothing of single observations."""
 
 
-def read_tap(path: Path, chosen: Selection = PLAIN, *, n_frames: int | None) -> Rows:
+def read_tap(path: Path, chosen: Selection, *, n_frames: int | None) -> Rows:
     """Read an archive with ``tracks``, (points, frames, 2): u and v, and ``occluded``, (points, frames).
 
     ``visible`` and others can replace ``occluded``: see `tracknoise.trackers.track_columns`. With ``query_points``,

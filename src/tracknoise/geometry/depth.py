@@ -1,8 +1,4 @@
-"""Depth maps, dense and sparse: reading between pixels, other cameras' views of them, and point clouds.
-
-- Depth maps, dense and sparse, and how to read them between pixels.
-- A depth map of one camera, seen from another: what a colour camera needs of the depth sensor beside it.
-"""
+"""Depth maps, dense and sparse: reading between pixels, other cameras' views of them, and point clouds."""
 
 from dataclasses import dataclass
 from functools import lru_cache

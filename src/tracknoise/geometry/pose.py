@@ -1,8 +1,6 @@
 """Rigid transforms as 4x4 matrices, poses between those that were recorded, and the nearest of other times.
 
-- Rigid transforms as 4x4 matrices, named ``target_from_source``.
-- Poses at times between those that were recorded.
-- Which of other times is nearest to each time: depths of images, observations of frames.
+Transforms are named ``target_from_source``.
 """
 
 from dataclasses import dataclass

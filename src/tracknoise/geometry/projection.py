@@ -1,13 +1,8 @@
 """Projection of points into images of known poses, how pixels change with both, and rectified pairs of images.
 
-- How pixels change with the points that they show.
-- Images of points seen from poses, and how they change with both.
-- The stated poses and cameras of the frames of a sequence, as arrays.
-
-Two cameras seen as a rectified pair: pinhole cameras side by side, whose rows are the same.
-
-The rectified x axis points from the first camera to the second, wherever that is, so that disparities are positive. The
-rectified image covers what the first camera sees, up to 60 degrees from its axis.
+A rectified pair are pinhole cameras side by side, whose rows are the same. The rectified x axis points from the first
+camera to the second, wherever that is, so that disparities are positive. The rectified image covers what the first
+camera sees, up to 60 degrees from its axis.
 """
 
 from collections.abc import Callable

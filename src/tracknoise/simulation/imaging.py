@@ -1,10 +1,4 @@
-"""How a simulated camera takes images: shutter, exposure, gain, noise and compression.
-
-- Settings of how a simulated camera takes images: shutter, exposure, gain, noise and compression.
-- Poses from which the rows of an image are taken: at the time of each row, and during the exposure.
-- From irradiance to grey levels: gain, vignetting, fixed pattern, noise, rounding and compression.
-- Independent streams of random numbers of a simulation.
-"""
+"""How a simulated camera takes images: from which poses, and how irradiance becomes grey levels."""
 
 import math
 import zlib

@@ -1,8 +1,5 @@
 """Readings of an inertial sensor on the simulated camera: angular rates and specific forces, with noise and biases.
 
-- The path of a camera as a smooth function of time, through the poses of its frames.
-- What an ideal sensor reads on a path, and what noise and biases make of it.
-
 The sensor is at the camera's centre, and its axes are those of the camera: x right, y down, z forward. With the
 rotation R (world from camera), the position c, the biases b_g and b_a that walk, and gravity g in the world, it reads
 

@@ -1,9 +1,8 @@
 """Camera paths through procedural worlds, one pose per frame.
 
 World frame: x east, y north, z up, metres. All paths except those of the quadrotor and of AR/VR have no roll. They
-stay in the free space that `tracknoise.simulation.built_worlds` and `tracknoise.simulation.built_worlds` leave.
-`tracknoise.simulation.built_worlds.PLACES` states which motion suits which world. Image motion is typically 1 to 5 px
-per frame at 640x480 and 60 degrees.
+stay in the free space that `tracknoise.simulation.built_worlds` leaves; its `PLACES` states which motion suits which
+world. Image motion is typically 1 to 5 px per frame at 640x480 and 60 degrees.
 """
 
 from collections.abc import Callable, Mapping

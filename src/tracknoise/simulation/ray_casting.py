@@ -1,7 +1,6 @@
 """Rays of an image, and the exact points of the surface that they meet.
 
-- Ray casting: Embree finds the first triangle, and its plane in float64 gives the exact point.
-- The rays of an image: several for each pixel, and by how much they differ from pixel to pixel.
+Embree finds the first triangle, and its plane in float64 gives the exact point.
 """
 
 from dataclasses import dataclass

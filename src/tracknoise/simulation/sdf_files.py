@@ -1,10 +1,4 @@
-"""Files in Gazebo's format (SDF): where they lie, their numbers and poses, and their visible parts.
-
-- Differences between the rendered world and Gazebo's.
-- Paths of models, meshes and textures: ``model://`` URIs and Gazebo's folders.
-- SDF's XML: numbers and poses.
-- The visible parts of an SDF file, with the resolved poses of its models and links.
-"""
+"""Files in Gazebo's format (SDF): where they lie, their numbers and poses, and their visible parts."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -1,18 +1,8 @@
 """Shapes, mesh files and materials of models in Gazebo's format.
 
-- Triangles with one material.
-- Boxes, spheres, cylinders and planes as triangles. Each is centred on its origin, as in SDF.
-- STL meshes, binary and text.
-- Wavefront meshes (.obj) and their materials (.mtl).
-- COLLADA meshes (.dae).
-- Materials of visuals: ``<material>`` elements and Ogre's material scripts.
-
-Faces that are modelled twice, once for each side, as some programs write them.
-
-Gazebo shows the face of each pair that faces the camera. A ray hits both at the same distance, and float32 rounding
-would select one of them. Each face is therefore moved slightly to its own side.
-
-Mesh files, by their suffix.
+Some programs write faces twice, once for each side. Gazebo shows the face of each pair that faces the camera. A ray
+hits both at the same distance, and float32 rounding would select one of them. Each face is therefore moved slightly to
+its own side.
 
 The package `trimesh` (5.2) is not used: it rounds colours to 8 bits, opens textures itself instead of naming their
 files, and does not say which line of a file is wrong. It takes 0.5 s to import, and reads COLLADA by `pycollada`, as
@@ -147,7 +137,8 @@ def _cylinder(element: Element, place: str) -> Part:
 SHAPES: Mapping[str, Callable[[Element, str], Part]] = MappingProxyType(
     {"box": _box, "sphere": _sphere, "cylinder": _cylinder, "plane": _plane}
 )
-"""Functions that make the triangles of a shape from its element and its place (for messages), by element name."""
+"""Functions that make the triangles of a shape, centred on its origin, from its element and its place (for messages),
+by element name."""
 
 
 def _lengths(element: Element, tag: str, count: int, place: str) -> NDArray[np.float64]:

@@ -1,8 +1,7 @@
 """Textures: filtered lookup in mip pyramids, and patterns from a random generator.
 
-Filtered texture lookup: mip pyramids with trilinear interpolation.
-
-OpenCV's remap rounds positions to 1/32 px, which would appear as tracker error. This lookup uses exact positions.
+The lookup interpolates trilinearly at exact positions. OpenCV's remap rounds them to 1/32 px, which would appear as
+tracker error.
 """
 
 from collections.abc import Iterator

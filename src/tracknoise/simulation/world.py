@@ -1,10 +1,5 @@
 """The world that is rendered: triangles with textures, flat rectangles of them, and notes on what differs from a model.
 
-- Flat rectangles with textures, from which worlds are built.
-- Worlds with notes: move and merge them.
-
-The world that is rendered: triangles with textures.
-
 World frame: x east, y north, z up, metres. Textures hold reflectance, 0 (black) to 1 (white).
 """
 

@@ -76,8 +76,13 @@ def settle_members(settings: object, **kinds: type[StrEnum]) -> None:
 def require_bounds(settings: Any) -> None:
     """Raise ValueError unless all fields of a dataclass that have bounds are finite and within them.
 
-    A field may be None, or several numbers with the same bounds. A field that is settings must be settings.
+    A field may be None, or several numbers with the same bounds, as many as its type says. A field that is settings
+    must be settings.
     """
+    for name, count in _counts_of(settings.__class__).items():
+        value = getattr(settings, name)
+        holds = value is None or (isinstance(value, tuple | list) and len(value) == count)
+        require(holds, name, value, f"{count} values")
     for name, bounds in bounds_of(settings.__class__).items():
         value = getattr(settings, name)
         for number in value if isinstance(value, tuple | list) else (value,):
@@ -86,6 +91,19 @@ def require_bounds(settings: Any) -> None:
     for name, kinds in _settings_among(settings.__class__).items():
         value = getattr(settings, name)
         require(isinstance(value, kinds), name, value, " or ".join(f"{kind.__name__}(...)" for kind in kinds))
+
+
+@cache
+def _counts_of(settings_type: type) -> dict[str, int]:
+    """How many values the fields have that are tuples of a fixed length."""
+    hints = get_type_hints(settings_type).items()
+    tuples = {
+        name: get_args(kind)
+        for name, hint in hints
+        for kind in (hint, *get_args(hint))
+        if get_origin(kind) is tuple and get_origin(hint) in (tuple, Union, UnionType)
+    }
+    return {name: len(kinds) for name, kinds in tuples.items() if Ellipsis not in kinds}
 
 
 @cache

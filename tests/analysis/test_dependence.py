@@ -122,14 +122,14 @@ def test_second_moments_and_cores_are_compared_too() -> None:
     assert core["axis"] == "age"
 
 
-def drawn(counts: Mapping[int, int], *, outliers: float) -> pl.DataFrame:
+def drawn(counts: Mapping[int, int], *, outliers: float, outliers_in: slice = slice(2)) -> pl.DataFrame:
     """Scenes with as many errors at each age as `counts` says of the speed: of .3 px, and outliers up to 20 px."""
     rng, rows = np.random.default_rng(3), []
     kinds = {"population": "visible", "trimming": "untrimmed", "axis": "age"}
     for scene, (speed, n), age in product(range(12), counts.items(), range(1, AGES + 1)):
         errors = rng.normal(0.0, 0.3, (n, 2))
         is_outlier = rng.random(n) < outliers
-        errors[is_outlier] = rng.uniform(-20.0, 20.0, (is_outlier.sum(), 2))
+        errors[is_outlier, outliers_in] = rng.uniform(-20.0, 20.0, (is_outlier.sum(), 2))[:, outliers_in]
         u, v = errors.T
         powers = {f"m_{'u' * a}{'v' * b}": ((u - u.mean()) ** a * (v - v.mean()) ** b).sum() for a, b in _POWERS}
         means = {"mean_u": u.mean(), "mean_v": v.mean(), "mean_abs_u": abs(u).mean(), "mean_abs_v": abs(v).mean()}
@@ -153,6 +153,14 @@ def test_a_second_moment_does_not_depend_on_how_many_errors_it_is_of() -> None:
 def test_a_second_moment_of_too_few_errors_for_their_tails_is_not_compared() -> None:
     few = answer(drawn({1: 60, 2: 3000}, outliers=0.03), statistic="Phi")
     assert (few["effect"], few["verdict"]) == (None, "undecided")
+
+
+def test_outliers_of_one_level_in_one_coordinate_are_not_left_out_alone() -> None:
+    """Ages with them were left out in u, and v alone said that second moments are alike."""
+    some = drawn({1: 90}, outliers=0.0), drawn({2: 90}, outliers=0.01, outliers_in=slice(1))
+    row = answer(pl.concat(some), statistic="Phi")
+    assert (row["effect"], row["verdict"]) == (None, "undecided")
+    assert row["why"] == "tails of one of both are too heavy for so few errors"
 
 
 def test_means_differ_in_px_at_one_age_by_a_share_of_the_core() -> None:

@@ -134,6 +134,19 @@ def test_a_gate_looks_at_changes_for_the_worse_only(change, outcome):
     assert (found.rows[0].why is None) == (outcome != "undecided")
 
 
+def test_what_shows_no_likeness_is_no_pass():
+    """Of lifetimes that most tracks outlive, the gate passed where the verdict was undecided."""
+    outlived = asked("lifetime", 0.0, gap="more than half of the tracks live to the common horizon")
+    (row,) = judge(Gate({"lifetime": 0.2}), [outlived]).rows
+    assert (row.outcome, row.why) == ("undecided", outlived.values.gap)
+    assert verdicts([outlived])[0].verdict == "undecided"
+    few, earlier_few = (
+        asked("outlier_ratio", 0.0, gap="few", scarce=np.array([scarce])) for scarce in ([True, False], [False, True])
+    )
+    assert judge(Gate({"outlier_ratio": 0.2}), [few]).outcome == "pass"  # the ratio of the second run is too large
+    assert judge(Gate({"outlier_ratio": 0.2}), [earlier_few]).outcome == "undecided"
+
+
 def test_one_worse_row_fails_and_one_undecided_row_holds_a_gate_up():
     gate = Gate({"core": 0.2, "lifetime": 0.2})
     good, bad, unsure = asked("core", 0.0), asked("lifetime", -1.0), asked("lifetime", 0.0, scenes=2)

@@ -33,6 +33,7 @@ def test_defaults(tmp_path):
     [
         ("", "tolerances: found {}, expected a table"),
         ("tolerances = 3", "tolerances: found 3"),
+        ("core = 0.1", "core: found outside of a table, expected it below a line .tolerances."),
         ("[tolerances]\ncore = -0.1", "tolerances.core: found -0.1, expected more than 0"),
         ("[tolerances]\ncore = true", "tolerances.core: found True"),
         ("[tolerances]\ncore = nan", "tolerances.core: found nan"),

@@ -178,6 +178,15 @@ def test_covariances_that_a_function_predicts_are_judged(sequence):
     assert of_all["squares"].sum() > 100 * of_all["n"].sum() > 0  # far too certain
 
 
+@pytest.mark.parametrize("matrix", [-0.1 * np.eye(2), [[0.1, 0.2], [0.2, 0.1]]])
+def test_covariances_with_a_negative_eigenvalue_are_refused(sequence, matrix):
+    def sure(previous, image, points):
+        return points, np.ones(len(points), bool), np.tile(matrix, (len(points), 1, 1))
+
+    with pytest.raises(TrackerError, match=r"reported cov_uu, cov_uv, cov_vv as .*, expected no negative eigenvalue"):
+        tn.measure(sequence, Function(sure))
+
+
 def test_what_is_no_function_is_refused(sequence):
     with pytest.raises(ValueError, match="function is 3, expected a function of two images and points"):
         Function(3)

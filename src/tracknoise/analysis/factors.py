@@ -383,7 +383,7 @@ class _Asked:
         if self.question is None:
             return why_not_asked(asked.both, self.group)
         if answered is None:
-            return f"no age or frame has {MIN_SCENES} scenes with data at two levels"
+            return asked.gap or f"no age or frame has {MIN_SCENES} scenes with data at two levels"
         compared = set(asked.pairs[answered.compared.any(axis=1)].ravel().tolist())
         if missing := [level for number, level in enumerate(levels) if number not in compared]:
             return f"nothing to compare {factor} {', '.join(missing)} by"

@@ -98,10 +98,11 @@ def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]
         return UNDECIDED, tested.gap
     if is_beyond(beyond, gate.level):
         return WORSE, None
-    if tested.gap is None and is_below(tests.sides[tested.asked.worse].p_within, gate.level):
+    gap = tested.gap or tested.asked.hides_worse
+    if gap is None and is_below(tests.sides[tested.asked.worse].p_within, gate.level):
         return PASS, None
     contains = tests.straddles(gate.margin(tested.asked))
-    return UNDECIDED, tested.gap or ("the interval contains the tolerance" if contains else UNSURE)
+    return UNDECIDED, gap or ("the interval contains the tolerance" if contains else UNSURE)
 
 
 def _unanswered(gate: Gate, asked: Sequence[Asked], expected: Sequence[Compared]) -> Iterator[str]:
@@ -202,6 +203,8 @@ def read_gate(path: Path, statistics: Collection[str]) -> Gate:
         If it cannot be read, or a key or value is wrong.
     """
     content = dict(_loaded(path))
+    for name in [name for name in content if name in statistics]:
+        raise SettingsError(f"{path}: {name}: found outside of a table, expected it below a line [tolerances]")
     tolerances = _tolerances(path, content.pop("tolerances", {}), statistics)
     for key, value in content.items():
         if key not in _KEYS:

@@ -152,6 +152,12 @@ class Asked(OfEstimand):
         """Number of scenes that were measured in both runs."""
         return int(self.values.both.sum())
 
+    @property
+    def hides_worse(self) -> str | None:
+        """Why a change for the worse could be larger than it looks; None if there is no such reason."""
+        second, first = self.values.scarce[0]
+        return None if second and not first else self.values.gap
+
     def tested(self, margin: float, *, level: float, ages: ComparedAges) -> "Tested":
         """Test both directions against a margin, of logarithms for ratios and otherwise in the unit."""
         question = ask(self.values.both, self.group, margin=margin, level=level)
@@ -161,7 +167,8 @@ class Asked(OfEstimand):
         tests, gap = change(self.values, question, ages), None
         if tests is None:
             with_data = int((~np.isnan(self.values.values)).sum(axis=0).max(initial=0))  # at one place
-            gap = f"{with_data} of {count(self.n_scenes, 'scene')} with enough data in both runs; {AT_LEAST}"
+            few = f"{with_data} of {count(self.n_scenes, 'scene')} with enough data in both runs; {AT_LEAST}"
+            gap = self.values.gap or few
         elif tests.kinds_disagree:
             gap = f"{DISAGREE} {' and '.join(dict.fromkeys((self.of.tracker, self.of.other_tracker)))}"
         elif (self.values.unlike[0] & tests.compared).any():

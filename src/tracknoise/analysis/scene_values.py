@@ -11,7 +11,10 @@ second moments about zero of all scenes at the same age, m_4 and m_2, it is incr
 
     (m_4 / m_2^2 - 1) / (2 n)    (scene shortfall)
 
-This is the first term of a series. A second moment for which it is above `MOST_SHORTFALL` counts as missing.
+This is the first term of a series. Two levels are not compared at an age of a scene where it is above `MOST_SHORTFALL`
+for either of them, in u or in v. Where it is so for one of them alone, its outliers may be what differs: if these are
+more than `SOME_HEAVY` of the ages of scenes, nothing shows that levels are alike, and above `MOST_HEAVY` nothing is
+shown.
 
 - An outlier ratio is (outliers + 1/2) / (offered + 1) (scene ratio), and levels differ by its logarithm. A scene takes
   no part in a pair if its counts are too small: if both levels had the same ratio, at least `LEAST_OUTLIERS` outliers
@@ -60,13 +63,21 @@ from tracknoise.tables.enumerations import Axis, Weighting
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.schema import ENDS, FRAME_COUNTS, MOMENTS, SCALES, check, empty
 
-LEAST_FEATURES: Mapping[str, int] = {"mean": 10, "absolute": 10, "second": 30, "core": LEAST_ERRORS}
+LEAST_FEATURES: Mapping[str, int] = {
+    "mean": 10,
+    "absolute": 10,
+    "second": 30,
+    "shortfall": 30,
+    "core": LEAST_ERRORS,
+}
 """Fewest features that a value at one age rests on, by role of the statistic."""
 MOST_SHORTFALL = 0.2
 """By how much the logarithm of a second moment may have to be increased.
 
 With 3 % of outliers, the first term is right to .02 from there on.
 """
+SOME_HEAVY, MOST_HEAVY = 0.1, 0.5
+_HEAVY = "tails of one of both are too heavy for so few errors"
 SIGNED = "mean"
 """Role of the statistic that has a sign and therefore no logarithm."""
 NUMBERS = {"scene": pl.String, "at": pl.Int64, "value": pl.Float64}
@@ -220,22 +231,22 @@ def _of_moments(table: pl.DataFrame) -> _Columns:
     squares = _columns(sums, "uu", "vv")
     with np.errstate(divide="ignore", invalid="ignore"):
         mean, absolute = (_columns(sums, *names) / n for names in (("u", "v"), ("abs_u", "abs_v")))
-        second = np.log(squares / n) + _shortfall(n, squares, _columns(sums, *FOURTH_SUMS), table["at"].to_numpy())
-        return {SIGNED: mean, "absolute": np.log(absolute), "second": second}
+        short = _shortfall(n, squares, _columns(sums, *FOURTH_SUMS), table["at"].to_numpy())
+        second = np.log(squares / n) + short
+        return {SIGNED: mean, "absolute": np.log(absolute), "second": second, "shortfall": short}
 
 
 def _shortfall(
     n: NDArray[np.int64], squares: NDArray[np.float64], fourth: NDArray[np.float64], at: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """(scene shortfall) of rows of n errors with these sums at places, (rows, 2); NaN where it is too large."""
+    """(scene shortfall) of rows of n errors with these sums at places, (rows, 2)."""
     _, place = np.unique(at, return_inverse=True)
     whole, all_squares, all_fourth = (
         np.stack([np.bincount(place, column) for column in np.nan_to_num(part).T], axis=1)
         for part in (n, squares, fourth)
     )
     ratio = whole * all_fourth / np.where(all_squares > 0.0, all_squares, np.inf) ** 2
-    short = np.maximum(ratio[place] - 1.0, 0.0) / (2.0 * n)
-    return np.where(short <= MOST_SHORTFALL, short, np.nan)
+    return np.asarray(np.maximum(ratio[place] - 1.0, 0.0) / (2.0 * n), dtype=np.float64)
 
 
 def _of_scales(table: pl.DataFrame) -> _Columns:
@@ -299,8 +310,9 @@ _Errors = Sequence[tuple[RunErrors, Condition]]
 
 
 def _of_errors(role: str, levels: _Errors, axis: str, scenes: Sequence[str]) -> Differences:
-    if role == "growth":
-        return _growth(_curves("second", levels, axis, scenes))
+    if role in ("second", "growth"):
+        second = _second(levels, axis, scenes)
+        return second if role == "second" else _growth(second)
     return _tails(levels, axis, scenes) if role == "tails" else _curves(role, levels, axis, scenes)
 
 
@@ -329,6 +341,19 @@ def _curves(role: str, levels: _Errors, axis: str, scenes: Sequence[str]) -> Dif
         return differing
     total = points[:, differing.pairs[:, 0]] + points[:, differing.pairs[:, 1]]
     return replace(differing, total=total, scale_px=_scale_px(levels, axis, scenes))
+
+
+def _second(levels: _Errors, axis: str, scenes: Sequence[str]) -> Differences:
+    """Differences of second moments, at ages where tails of neither level are too heavy."""
+    every = _curves("second", levels, axis, scenes)
+    short = _at_levels("shortfall", levels, axis, scenes)[0]
+    of_level = np.asarray((short > MOST_SHORTFALL).any(axis=3))  # (scenes, levels, places)
+    first, second = (of_level[:, every.pairs[:, side]] for side in (0, 1))
+    there = np.asarray((~np.isnan(every.values)).reshape(*first.shape, 2).any(axis=3))
+    share = ((first ^ second) & there).sum(axis=(0, 2)) / np.maximum(there.sum(axis=(0, 2)), 1)
+    left_out = np.repeat(first | second, 2, axis=2) | (share > MOST_HEAVY)[:, None]
+    gap = _HEAVY if (share > SOME_HEAVY).any() else None
+    return replace(every, values=np.where(left_out, np.nan, every.values), gap=gap)
 
 
 def _scale_px(levels: _Errors, axis: str, scenes: Sequence[str]) -> float | None:

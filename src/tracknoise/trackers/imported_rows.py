@@ -21,7 +21,7 @@ from tracknoise.text import counted, counted_of, significant
 from tracknoise.trackers.id_slots import jumps_note, split_at_births
 from tracknoise.trackers.image_names import frames_named, numbers_named, times_named
 from tracknoise.trackers.track_columns import Moment
-from tracknoise.trackers.tracker import SequenceContext, StatedPoints
+from tracknoise.trackers.tracker import SequenceContext, StatedPoints, are_impossible
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -532,6 +532,8 @@ class Assignment:
     def tracks(self, rows: Rows, context: SequenceContext) -> tuple[Tracks, tuple[str, ...]]:
         """Tracks in the frames of a sequence, and what should be known about them, one sentence each."""
         _require_computable(rows.observed)
+        _require_seen(rows.observed)
+        rows = replace(rows, quality=_with_diagonal(rows.quality))
         rows = self.columns.ordered(rows, self.raster.extent(context))
         observed = rows.observed
         self.raster.check(observed, context)
@@ -805,6 +807,30 @@ def _require_computable(rows: Rows) -> None:
     rows.refuse(beyond, "position", rows.uv, f"numbers of at most {_LARGEST_POSITION:g}")
 
 
+def _require_seen(rows: Rows) -> None:
+    """Refuse positions that programs write where a feature was not seen: corners are not there twice to all digits."""
+    for value in _NOT_SEEN:
+        there = np.asarray((rows.uv == value).all(axis=1))
+        if (count := np.count_nonzero(there)) > 1:
+            expected = (
+                f"positions of what was seen: {count} rows have this one; leave them out, or add a column visible"
+            )
+            rows.refuse(there, "position", rows.uv, expected)
+
+
+_NOT_SEEN = (0.0, -1.0)
+"""Both coordinates of such positions."""
+
+
+def _with_diagonal(quality: Mapping[str, NDArray[np.float32]]) -> dict[str, NDArray[np.float32]]:
+    """Quality in which variances of u and v that stand alone have a covariance of 0."""
+    completed = dict(quality)
+    for name in [name.removesuffix("_uu") for name in quality if name.endswith("_uu")]:
+        if f"{name}_vv" in quality:
+            completed.setdefault(f"{name}_uv", np.zeros_like(quality[f"{name}_uu"]))
+    return completed
+
+
 def _require_near(rows: Rows, image: tuple[int, int]) -> None:
     """Refuse positions that no feature has: one of them would decide every second moment."""
     rows.refuse(are_far(rows.uv, image), "position", rows.uv, f"{expected_near(image)}; leave out what was not seen")
@@ -812,14 +838,9 @@ def _require_near(rows: Rows, image: tuple[int, int]) -> None:
 
 def _require_covariances(rows: Rows) -> None:
     for names in covariances(rows.quality):
-        uu, uv, vv = entries = np.array([rows.quality[name] for name in names], dtype=np.float64)
-        sigma_u, sigma_v = np.sqrt(np.maximum(entries[[0, 2]], 0.0))
-        impossible = (uu < 0.0) | (vv < 0.0) | (np.abs(uv) > _LARGEST_CORRELATION * sigma_u * sigma_v)
-        rows.refuse(impossible, ", ".join(names), entries.T, "no negative eigenvalue; NaN where there is no covariance")
-
-
-_LARGEST_CORRELATION = 1.005
-"""Above 1, for entries that were rounded when they were written."""
+        entries = np.array([rows.quality[name] for name in names], dtype=np.float64)
+        expected = "no negative eigenvalue; NaN where there is no covariance"
+        rows.refuse(are_impossible(*entries), ", ".join(names), entries.T, expected)
 
 
 def _require_one_row_each_frame(rows: Rows, frame: NDArray[np.int64], order: NDArray[np.intp]) -> None:

@@ -15,12 +15,11 @@ from tracknoise.foreign_files import MOST_PIXELS
 from tracknoise.text import counted
 from tracknoise.trackers.features import are_symmetric
 from tracknoise.trackers.onnx_files import Network, described, open_network, require_file
+from tracknoise.trackers.tracker import are_impossible
 
 _WHAT = "an ONNX network of keypoints"
 _WORK_PER_PIXEL = 128
 """As `Network.run` has it."""
-_LARGEST_CORRELATION = 1.005
-"""Above 1, for entries that were rounded."""
 _SHOWN = 4
 
 
@@ -184,9 +183,7 @@ def _entries(path: Path, matrices: NDArray[np.float64]) -> NDArray[np.float32]:
         path, np.isinf(narrowed).any(axis=(1, 2)), "covariances", matrices, "finite numbers; NaN where it is unknown"
     )
     _require(path, ~are_symmetric(matrices), "covariances", matrices, "symmetric matrices")
-    uu, uv, vv = matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1]
-    largest = _LARGEST_CORRELATION * np.sqrt(np.maximum(uu, 0.0) * np.maximum(vv, 0.0))
-    impossible = (uu < 0.0) | (vv < 0.0) | (np.abs(uv) > largest)
+    impossible = are_impossible(matrices[:, 0, 0], matrices[:, 0, 1], matrices[:, 1, 1])
     _require(path, impossible, "covariances", matrices, "no negative eigenvalue")
     return narrowed.reshape(-1, 4)[:, [0, 1, 3]]
 

@@ -376,8 +376,11 @@ def _when(observed: _Observed, seen: NDArray[np.bool_], chosen: Selection) -> tu
         when["frame"], names[Moment.frame] = observed.numbers("frame", pl.Int64), "frame"
     times = sorted((name for name in columns if key(name) in TIMES), key=lambda name: [*TIMES].index(key(name)))
     if times and chosen.frames_by in (None, Moment.time):
-        beside = bool(when) and chosen.frames_by is None
-        when |= _times(observed, times[0], TIMES[key(times[0])] or chosen.time_unit, beside=beside)
+        beside, named = bool(when) and chosen.frames_by is None, TIMES[key(times[0])]
+        if None not in (named, chosen.time_unit) and named != chosen.time_unit:
+            stated = f"column {times[0]} with time_unit = {str(chosen.time_unit)!r}"
+            raise DataError(observed.path, stated, "no time_unit where the column names its unit")
+        when |= _times(observed, times[0], named or chosen.time_unit, beside=beside)
         names[Moment.time] = times[0]
     return when, names
 

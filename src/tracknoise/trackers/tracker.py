@@ -12,7 +12,7 @@ from tracknoise.exceptions import TrackerError
 from tracknoise.geometry.cameras import CameraModel
 from tracknoise.geometry.stereo_pair import StereoPair
 from tracknoise.tables.identity import SequenceId
-from tracknoise.tables.schema import QUALITY_NAME, TrackEnd
+from tracknoise.tables.schema import QUALITY_NAME, TrackEnd, covariances
 from tracknoise.text import counted
 
 T = TypeVar("T")
@@ -98,7 +98,8 @@ def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> Non
     Raises
     ------
     TrackerError
-        If a name does not match `QUALITY_NAME`, or values are not one float32 per observation.
+        If a name does not match `QUALITY_NAME`, values are not one float32 per observation, or a covariance among them
+        has a negative eigenvalue.
     """
     for name, values in quality.items():
         if not is_quality_name(name):
@@ -106,6 +107,21 @@ def check_quality(quality: Mapping[str, NDArray[np.float32]], count: int) -> Non
         if values.shape != (count,) or values.dtype != np.float32:
             actual = f"{values.dtype} of shape {values.shape}"
             raise TrackerError(f"a tracker reported quality {name!r} as {actual}, expected float32 of shape ({count},)")
+    for names in covariances(quality):
+        entries = np.array([quality[name] for name in names], dtype=np.float64)
+        for row in np.flatnonzero(are_impossible(*entries))[:1]:
+            stated = ", ".join(f"{number:g}" for number in entries[:, row])
+            raise TrackerError(f"a tracker reported {', '.join(names)} as {stated}, expected no negative eigenvalue")
+
+
+def are_impossible(uu: NDArray[np.float64], uv: NDArray[np.float64], vv: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which matrices of these entries (n,) have a negative eigenvalue, more than by rounding; NaN has none."""
+    largest = _LARGEST_CORRELATION * np.sqrt(np.maximum(uu, 0.0)) * np.sqrt(np.maximum(vv, 0.0))
+    return np.asarray((uu < 0.0) | (vv < 0.0) | (np.abs(uv) > largest))
+
+
+_LARGEST_CORRELATION = 1.005
+"""Above 1, for entries that were rounded when they were written."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -474,7 +474,7 @@ def _image_sums(tracker: "PoseWitness", rigid: pl.DataFrame, axes: NDArray[np.fl
     step = np.abs(tracker.rows.frame - tracker.rows.zero)
     inside = np.hypot(*tracker.rows.error_px.T) <= CUT * scales(step.astype(np.intp), tracker.rows.error_px)
     squares = np.column_stack([np.sum(tracker.rows.error_px**2, axis=1), _squared_motion(tracker.rows, axes, unit_m)])
-    sums = [np.bincount(step[inside], column[inside]) for column in squares.T]
+    sums = [np.bincount(step[inside], column[inside]).astype(np.float64) for column in squares.T]  # whole if empty
     names = dict(zip(_IMAGE[1:], sums, strict=True))
     table = pl.DataFrame({"lag": np.arange(len(sums[0])), "n": np.bincount(step[inside]), **names})
     fitted_to_own = rigid.join(tracker.labels, on=["tracker", "speed"], how="semi").filter(fitted_to=FittedTo.own)

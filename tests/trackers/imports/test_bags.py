@@ -54,7 +54,7 @@ def cloud(bag: BagWriter, frame: int, *, with_camera: bool = False, short: bool 
 def msckf(bag: BagWriter, frame: int, *, ids=IDS):
     rays = (at(frame) - [160.0, 120.0]) / 300.0
     features = [
-        bag.make("msckf_vio/msg/FeatureMeasurement", id=int(name), u0=u, v0=v, u1=0.0, v1=0.0)
+        bag.make("msckf_vio/msg/FeatureMeasurement", id=int(name), u0=u, v0=v, u1=0.1, v1=-0.05)
         for name, (u, v) in zip(ids, rays.tolist(), strict=True)
     ]
     return bag.make("msckf_vio/msg/CameraMeasurement", header=header(bag, frame), features=features)
@@ -145,7 +145,7 @@ def test_the_second_camera_of_a_pair_can_be_chosen(tmp_path) -> None:
     path = written(tmp_path, Format.ros1, {"/tracks": msckf})
     first, second = (steps(path, units=Units.normalised, camera=camera)[0] for camera in (0, 1))
     np.testing.assert_allclose(first.uv, at(0), atol=1e-4)
-    np.testing.assert_allclose(second.uv, [[160.0, 120.0]] * 3)
+    np.testing.assert_allclose(second.uv, [[190.0, 105.0]] * 3)
 
 
 def test_the_topic_is_asked_for_where_several_have_tracks(tmp_path) -> None:

@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 from tests.writers.track_files import Observed, colmap, events, tap, xivo
 
-from tracknoise.exceptions import DataError, SettingsError
+from tracknoise.exceptions import DataError, InvalidValueError, SettingsError
 from tracknoise.tables.identity import SequenceId
 from tracknoise.trackers.imported import Imported
 from tracknoise.trackers.imported_rows import PixelOrigin
@@ -101,6 +101,40 @@ def test_positions_that_are_all_outside_the_image_are_refused(tmp_path):
     rows = table().with_columns(pl.col("u_px", "v_px") + 400.0)
     with pytest.raises(DataError, match=r"no position inside images of 320 x 240 px, .* raster = \[width, height\]"):
         start(tmp_path, rows)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_what_programs_write_for_features_that_were_not_seen_is_refused(value, tmp_path):
+    lost = (pl.col("track") == 2) & (pl.col("frame") > 6)
+    padded = [pl.when(lost).then(value).otherwise(name).alias(name) for name in ("u_px", "v_px")]
+    with pytest.raises(DataError, match=r"tracks.csv:29: position .*: 3 rows have this one; leave them out, or add"):
+        start(tmp_path, table().with_columns(padded))
+    seen = table().with_columns(*padded, visible=~lost)
+    assert len(positions(start(tmp_path, seen), 7)) == 5
+    once = table().with_columns(pl.when(pl.int_range(pl.len()) == 7).then(value).otherwise("u_px").alias("u_px"))
+    start(tmp_path, once)  # on an edge of the image
+
+
+def test_variances_without_a_covariance_are_of_independent_coordinates(tmp_path):
+    both = table().with_columns(cov_uu=pl.lit(0.04), cov_vv=pl.lit(0.09))
+    quality = start(tmp_path, both).step(Frame(0, np.zeros(SIZE[::-1], np.uint8))).quality
+    assert {name: float(values[0]) for name, values in quality.items()} == pytest.approx(
+        {"cov_uu": 0.04, "cov_uv": 0.0, "cov_vv": 0.09}
+    )
+
+
+def test_a_unit_of_times_that_contradicts_the_column_is_refused(tmp_path):
+    timed = table().drop("frame").with_columns(time_ns=10**8 * pl.Series([*range(N_FRAMES)] * 6))
+    where = context(times=0.1 * np.arange(N_FRAMES))
+    assert len(positions(start(tmp_path, timed, where, time_unit="ns"), 3)) == 6
+    with pytest.raises(DataError, match="column time_ns with time_unit = 'ms', expected no time_unit where"):
+        start(tmp_path, timed, where, time_unit="ms")
+
+
+@pytest.mark.parametrize("raster", [(320,), (320, 240, 1), 320.0])
+def test_a_raster_has_two_numbers(raster):
+    with pytest.raises(InvalidValueError, match=r"raster is .*, expected 2 values"):
+        Imported("tracks.csv", raster=raster)
 
 
 @pytest.mark.parametrize("u", [1e9, -420.0])

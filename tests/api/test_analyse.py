@@ -3,7 +3,9 @@
 import gc
 from dataclasses import replace
 
+import numpy as np
 import pytest
+from tests.api.conftest import OPTIONS
 
 import tracknoise as tn
 from tracknoise.exceptions import SettingsError
@@ -61,3 +63,13 @@ def test_what_cannot_be_analysed_is_refused(measurements):
 def test_a_measurement_knows_its_sequence(measurements):
     assert [measurement.sequence.id.scene for measurement in measurements] == ["forward-00", "sideways-00"]
     assert "sequence=" not in repr(measurements[0])
+
+
+def test_tracks_that_have_one_row_each_are_analysed():
+    """Ids that number the rows of a file: no error is seen."""
+    row = np.arange(80)
+    sequence = tn.open_sequence("simulated", **OPTIONS | {"motions": ["forward"]})
+    alone = tn.Imported.from_arrays(row, row // 10, 20.0 + 15.0 * (row % 10), 40.0 + row)
+    analysed = tn.analyse(tn.measure(sequence, {"rows": alone}))
+    assert analysed.table("tracks").height == len(row)
+    assert analysed.observations()["age"].max() == 0

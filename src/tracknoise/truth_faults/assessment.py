@@ -681,7 +681,10 @@ def _corrected(evidence: TruthEvidence, faults: _Named) -> str:
     block = "Apply the corrections that `tracknoise check` prints for the folder of this run, and measure again"
     if not all(undone):
         return f"{block}. No setting corrects the other faults: use other poses."
-    return f"{block}. Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
+    falls = f"Squared errors of held-out tracks{faults.of_tracker} then fall by {percent(faults.share.value)}."
+    is_foreign = evidence.confirmed_share is not None  # no tracker saw the images here
+    may_be_shifted = is_foreign and any(row["parameter"] == Parameter.principal_point for row in faults.rows)
+    return f"{block}. {falls}{_SHIFTED if may_be_shifted else ''}"
 
 
 def _of_cause(evidence: TruthEvidence, bounds: _Bounds, cause: TruthCause) -> str:
@@ -715,6 +718,7 @@ _WITHOUT_DEPTHS = "The recording has no depth maps, and a check computes no dept
 _MEASURED_STEP = "Use `tracknoise run`: it computes depths from the images, and says how far they can be trusted."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
+_SHIFTED = " Or positions of the tracks are shifted, as those in cropped images are: then correct them instead."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."
 _BETTER_DEPTHS = "Use more accurate depths, or a recording with less parallax."

@@ -20,16 +20,14 @@ from tracknoise.inference.bootstrap import N_DRAWS, Draws, draws_by_dataset
 from tracknoise.inference.conventions import KIND_OF_INTERVAL, LEVEL, IntervalKind
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import Method
-from tracknoise.inference.units import BLOCKS, MIN_SCENES, NO_GROUPS, Resampled, SceneGroups, Units, by_number, scheme
+from tracknoise.inference.units import BLOCKS, NO_GROUPS, Resampled, SceneGroups, Units, scheme
 from tracknoise.statistics.grouping import Groups, TablesByCondition, group_rows, names, number_names, scenes_by_dataset
 from tracknoise.statistics.moments import ABOUT_ZERO
 from tracknoise.tables.enumerations import Aspect
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import BLOCKS as BLOCKS_SCHEMA
-from tracknoise.tables.schema import Schema, empty
+from tracknoise.tables.schema import Schema, empty, typed
 from tracknoise.tables.store import RunFolder
-
-__all__ = ["MIN_SCENES", "SUMS", "UnitPlaces", "Units", "additive", "by_number", "unit_places", "units_of"]
 
 SUMS = ("n", "u", "v", "uu", "uv", "vv", "abs_u", "abs_v")
 """What `additive` makes of moments: the count, and sums of du, dv, their products about zero, and |du|, |dv|."""
@@ -309,8 +307,7 @@ def condition_table(
         for key, part in conditions.items()
         if part.height
     ]
-    typed = [part.select_seq(pl.col(name).cast(kind) for name, kind in schema.items()) for part in parts]
-    return pl.concat([empty(schema), *typed])
+    return pl.concat([empty(schema), *(typed(part, schema) for part in parts)])
 
 
 def estimated(

@@ -70,7 +70,7 @@ from tracknoise.tables.enumerations import EffectIntervalKind, Verdict
 from tracknoise.tables.findings_schema import EFFECT_INTERVAL_KIND, EFFECTS, OF_LEVELS, RESAMPLED
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, same
-from tracknoise.tables.schema import CONDITION, VERDICT, check, empty
+from tracknoise.tables.schema import CONDITION, VERDICT, check, empty, typed
 from tracknoise.words import STATISTICS, only
 
 
@@ -629,4 +629,4 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
         worst=pl.col("n_trackers") - pl.col("beaten"), why=pl.when(pl.col("disputed") != "").then(why)
     )
     ordered = ranks.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
-    return check(ordered.select(pl.col(name).cast(kind) for name, kind in RANKS.items()), RANKS, "ranks")
+    return check(typed(ordered, RANKS), RANKS, "ranks")

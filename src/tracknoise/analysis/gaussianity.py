@@ -71,7 +71,7 @@ from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
-from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty
+from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty, typed
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import SPACE, format_as, listing, number, thousandths
 
@@ -632,6 +632,4 @@ def _few(options: _Options) -> str:
 def _typed(tables: Sequence[pl.DataFrame], schema: Schema) -> pl.DataFrame:
     """Rows of all conditions with the columns of a schema, null where there is no number."""
     rows = pl.concat(tables, how="diagonal_relaxed")
-    return rows.select_seq(pl.col(name).cast(kind) for name, kind in schema.items()).with_columns_seq(
-        pl.selectors.float().fill_nan(None)
-    )
+    return typed(rows, schema).with_columns_seq(pl.selectors.float().fill_nan(None))

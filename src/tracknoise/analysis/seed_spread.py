@@ -29,7 +29,7 @@ from tracknoise.tables.findings_schema import INTERVALS
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import OF_CONDITION, Rows, RunTable, Value, same
 from tracknoise.tables.schema import POOLED as CONDITIONS
-from tracknoise.tables.schema import check, empty
+from tracknoise.tables.schema import check, empty, typed
 
 
 def _seeds() -> Rows:
@@ -130,9 +130,7 @@ def seed_spread(
     spread = values.group_by(KEYS).agg(mean=value.mean(), standard_deviation=value.std(), n_seeds=value.len())
     table = first.select_seq(*KEYS, "unit", "by_block").join(spread, on=KEYS, nulls_equal=True)
     table = table.rename({"by_block": "widens_interval"}).filter(pl.col("n_seeds") > 1).sort(KEYS)
-    return check(
-        table.select_seq(pl.col(name).cast(kind) for name, kind in SEED_SPREAD.items()), SEED_SPREAD, "seed spread"
-    )
+    return check(typed(table, SEED_SPREAD), SEED_SPREAD, "seed spread")
 
 
 def widened(intervals: pl.DataFrame, spread: pl.DataFrame, *, horizons: pl.DataFrame) -> pl.DataFrame:

@@ -47,7 +47,7 @@ from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import COUNTED, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
-from tracknoise.tables.schema import MOMENTS, TRIMMING, VERDICT, check, empty
+from tracknoise.tables.schema import MOMENTS, TRIMMING, VERDICT, check, empty, typed
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import scenes_counted
 
@@ -189,7 +189,7 @@ def zero_mean(
     rows = pl.concat(tables, how="diagonal_relaxed").with_columns_seq(
         pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None), pl.col(BOUNDS).fill_nan(None)
     )
-    table = _judged(rows).select_seq(pl.col(name).cast(kind) for name, kind in ZERO_MEAN.items())
+    table = typed(_judged(rows), ZERO_MEAN)
     return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
 
 

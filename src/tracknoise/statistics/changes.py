@@ -23,7 +23,7 @@ from tracknoise.statistics.moments import ABOUT_ZERO, SECOND, measure_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import CHANGES
-from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, check
+from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, check, typed
 
 
 def followers(
@@ -79,7 +79,7 @@ def increments(sequence: PreparedSequence) -> pl.DataFrame:
     ]
     table = pl.concat(parts, how="diagonal").sort(_SORTED)
     table = table.hstack(seen.conditions[table["condition"]])
-    return check(table.select(pl.col(name).cast(kind) for name, kind in INCREMENTS.items()), INCREMENTS, "increments")
+    return check(typed(table, INCREMENTS), INCREMENTS, "increments")
 
 
 def _by_age(sequence: PreparedSequence, changed: _Changes) -> pl.DataFrame:
@@ -150,7 +150,7 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
         **{f"covariance_{a}{b}": alone.then(_covariance(a, b)) for a, b in _PAIRS},
         **{f"autocorrelation_{axis}": related.then(_ratio(axis)) for axis in "uv"},
     )
-    table = table.sort(_KEYS).select(pl.col(name).cast(kind) for name, kind in CHANGES.items())
+    table = typed(table.sort(_KEYS), CHANGES)
     return check(table, CHANGES, "changes")
 
 

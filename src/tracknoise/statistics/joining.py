@@ -27,7 +27,7 @@ from tracknoise.statistics.grouping import group_rows, total_if_known
 from tracknoise.statistics.moments import SECOND, merge
 from tracknoise.statistics.samples import MAX_TRACKS, PER_AGE, first_tracks
 from tracknoise.statistics.trimming import DROPPED_SHARE
-from tracknoise.tables.schema import ORIGIN, Schema, joined
+from tracknoise.tables.schema import ORIGIN, Schema, joined, typed
 
 OF_THE_WHOLE = ("poses", "cameras", "path", "pose_differences")
 """Tables that are made of the whole sequence, whose poses and cameras are at hand, rather than of its parts."""
@@ -137,7 +137,7 @@ def _added(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
     totals = rows.sums(table, [name for name in values if name not in lists]).fill_nan(None)
     counts = {name: _added_lists(table[name], rows.index, rows.count) for name in lists}
     summed = rows.keys.hstack(totals).with_columns(pl.Series(name, lists) for name, lists in counts.items())
-    return summed.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    return typed(summed, schema)
 
 
 def _added_lists(column: pl.Series, index: NDArray[np.intp], count: int) -> list[list[int] | None]:
@@ -233,7 +233,7 @@ def _pose_growth(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
         roots[root] = pl.when(shown).then(mean.sqrt())
     totals = table.group_by(keys, maintain_order=True).agg(pl.col("n").sum(), **means, **roots)
     without_nan = totals.with_columns(pl.col(image).fill_nan(None))
-    return without_nan.select(pl.col(name).cast(kind) for name, kind in schema.items()).sort(keys)
+    return typed(without_nan, schema).sort(keys)
 
 
 _FEWEST_PARTS = 4

@@ -58,10 +58,10 @@ from tracknoise.tables.schema import (
     PRODUCT,
     QUALITY_PREFIX,
     TRACK_ERRORS,
-    Schema,
     check,
     empty,
     layout_of,
+    typed,
 )
 
 
@@ -254,7 +254,7 @@ def _summed_products(
     sums = {name: np.bincount(index, values, len(age)) for name, values in columns.items()}
     keys = {"block": blocks, "age": age, "n": np.bincount(index, minlength=len(age))}
     table = sequence.seen.conditions[condition].hstack(pl.DataFrame({**keys, **sums}))
-    return _typed(table.with_columns(product=pl.lit(kind, dtype=PRODUCT)), NOISE_SUMS)
+    return typed(table.with_columns(product=pl.lit(kind, dtype=PRODUCT)), NOISE_SUMS)
 
 
 def _means(tracks: ErrorTracks, kind: Product, rows: NDArray[np.intp]) -> NDArray[np.float64]:
@@ -276,11 +276,7 @@ def noise_outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFr
         "n_outliers": np.bincount(condition[tracks.outlier], minlength=count),
     }
     table = sequence.seen.conditions.hstack(pl.DataFrame({**counts, "limit_px": tracks.limit_px}))
-    return check(_typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS), NOISE_OUTLIERS, "noise outliers")
-
-
-def _typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
-    return table.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    return check(typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS), NOISE_OUTLIERS, "noise outliers")
 
 
 MOTION = "motion_px"
@@ -357,9 +353,7 @@ def _summed_covariates(
     ends = {"before": changes.rows - 1, "now": changes.rows}
     classes = {end: known_classes(values[rows]) for end, rows in ends.items()}
     table = sums_by_class(sequence, tracks, changes, classes)
-    return table.with_columns(covariate=pl.lit(name)).select(
-        pl.col(column).cast(kind) for column, kind in NOISE_COVARIATES.items()
-    )
+    return typed(table.with_columns(covariate=pl.lit(name)), NOISE_COVARIATES)
 
 
 def known_classes(values: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -388,9 +382,7 @@ def _parts(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -
         ends = {"first": octaves[first], "second": octaves[second]}
         classes = {f"{place}_{end}": of_end for place, of_ends in ends.items() for end, of_end in of_ends.items()}
         table = sums_by_class(sequence, tracks, changes, classes)
-        yield table.with_columns(first=pl.lit(first), second=pl.lit(second)).select(
-            pl.col(column).cast(kind) for column, kind in NOISE_PAIRS.items()
-        )
+        yield typed(table.with_columns(first=pl.lit(first), second=pl.lit(second)), NOISE_PAIRS)
 
 
 def _octaves(values: NDArray[np.float64], changes: Products) -> dict[str, NDArray[np.float64]]:
@@ -424,9 +416,8 @@ def track_errors(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFram
     }
     values = {name: pl.Series(name, column, nan_to_null=True) for name, column in columns.items()}
     table = sequence.seen.conditions[sequence.seen.condition[rows]].hstack(pl.DataFrame(values))
-    layout = layout_of(TRACK_ERRORS, table.columns)
-    typed = table.select(pl.col(name).cast(kind) for name, kind in layout.items())
-    return check(typed.sort(*ORIGIN, "track", "age"), TRACK_ERRORS, "track errors")
+    kept_errors = typed(table, layout_of(TRACK_ERRORS, table.columns))
+    return check(kept_errors.sort(*ORIGIN, "track", "age"), TRACK_ERRORS, "track errors")
 
 
 _LEAST_OBSERVATIONS = 2

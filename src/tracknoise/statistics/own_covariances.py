@@ -25,7 +25,7 @@ from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.noise_sums import magnifications
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances, empty
+from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances, empty, typed
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 """Levels of the regions whose coverage is counted."""
@@ -107,7 +107,7 @@ def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None =
                 summed = part.group_by("condition", "block", "at").agg(pl.col(_SUMS).sum())
                 origin = seen.conditions[summed["condition"].to_numpy()]
                 labelled = origin.hstack(summed.drop("condition")).with_columns(**labels)
-                parts.append(labelled.select(pl.col(key).cast(kind) for key, kind in COVARIANCE_SUMS.items()))
+                parts.append(typed(labelled, COVARIANCE_SUMS))
     keys = [key for key in COVARIANCE_SUMS if key not in _SUMS]
     return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty
+from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty, typed
 
 Array = NDArray[np.float64]
 
@@ -68,5 +68,5 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
         "log_counts": listed(index, np.abs(log / LOG_UNIT), count),
     }
     found = seen.conditions[condition].with_columns(**columns)
-    sums = found.select(pl.col(name).cast(kind) for name, kind in PAIR_SUMS.items())
+    sums = typed(found, PAIR_SUMS)
     return check(sums, PAIR_SUMS, "pair sums")

@@ -37,7 +37,7 @@ from tracknoise.statistics.definitions import (
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
-from tracknoise.tables.schema import AXIS, IMAGE_MAP, IMAGE_SPEEDS, OCCLUSION, SURROUNDING, SURROUNDINGS, check
+from tracknoise.tables.schema import AXIS, IMAGE_MAP, IMAGE_SPEEDS, OCCLUSION, SURROUNDING, SURROUNDINGS, check, typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,7 +136,7 @@ def image_map(sequence: PreparedSequence, *, width: int, height: int) -> pl.Data
     cells = (true_px + 0.5) / (width, height) * (MAP_COLUMNS, MAP_ROWS)
     column, row = np.clip(cells.astype(np.intp), 0, (MAP_COLUMNS - 1, MAP_ROWS - 1)).T
     table = summed(sequence, rows, {"column": column, "row": row}, products(sequence.seen.error_px[rows]))
-    return check(table.select(pl.col(name).cast(kind) for name, kind in IMAGE_MAP.items()), IMAGE_MAP, "image map")
+    return check(typed(table, IMAGE_MAP), IMAGE_MAP, "image map")
 
 
 _LOWEST = -40
@@ -157,9 +157,7 @@ def image_speeds(sequence: PreparedSequence) -> pl.DataFrame:
     table = summed(sequence, rows, {"octave": octave - _LOWEST}, values)
     bound = (pl.col("octave").cast(pl.Float64) + _LOWEST) / 2.0
     table = table.with_columns(low=2.0**bound, high=2.0 ** (bound + 0.5))
-    return check(
-        table.select(pl.col(name).cast(kind) for name, kind in IMAGE_SPEEDS.items()), IMAGE_SPEEDS, "image speeds"
-    )
+    return check(typed(table, IMAGE_SPEEDS), IMAGE_SPEEDS, "image speeds")
 
 
 _FEWEST = 10
@@ -248,7 +246,7 @@ def _of_classes(
         pl.Series("high", classes.high, dtype=pl.Float64).gather(place),
         pl.Series("occlusion", list(Occlusion), dtype=OCCLUSION).gather(table["occlusion"].to_numpy()),
     )
-    return table.select(pl.col(name).cast(kind) for name, kind in SURROUNDINGS.items())
+    return typed(table, SURROUNDINGS)
 
 
 def _occlusion(sequence: PreparedSequence) -> NDArray[np.intp]:

@@ -14,7 +14,7 @@ from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.places import summed
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
-from tracknoise.tables.schema import RATIOS, check, empty
+from tracknoise.tables.schema import RATIOS, check, empty, typed
 
 GROSS_PX = 3.0
 """Length from which on an error is gross, px."""
@@ -42,6 +42,6 @@ def ratio_sums(sequence: PreparedSequence) -> pl.DataFrame:
             rows = np.flatnonzero(selected)
             table = summed(sequence, rows, {}, {"sum": numerator(sequence, rows)})
             labelled = table.with_columns(quantity=pl.lit(quantity), trimming=pl.lit(str(trimming)))
-            parts.append(labelled.select(pl.col(name).cast(kind) for name, kind in RATIOS.items()))
+            parts.append(typed(labelled, RATIOS))
     keys = list(RATIOS)[: list(RATIOS).index("n")]
     return check(pl.concat(parts).sort(keys), RATIOS, "ratio sums")

@@ -19,7 +19,7 @@ from tracknoise.statistics.grouping import IntegerArray, group_rows, in_chunks, 
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Population, Trimming, Weighting
 from tracknoise.tables.findings_schema import CORES, CURVES
-from tracknoise.tables.schema import AXIS, POPULATION, SCALE_BLOCKS, SCALES, TRIMMING, Schema, check, empty
+from tracknoise.tables.schema import AXIS, POPULATION, SCALE_BLOCKS, SCALES, TRIMMING, Schema, check, empty, typed
 
 PER_MEDIAN = 1.482602218505602
 """Sigma of a Gaussian by the median of its absolute value."""
@@ -156,5 +156,4 @@ def _of_scenes(scales: pl.DataFrame) -> pl.DataFrame:
 def _added(rows: pl.DataFrame) -> pl.DataFrame:
     """The rows of each point, added up in their order."""
     groups = group_rows(rows, _POINT)
-    sums = groups.sums(rows, list(_SUMS)).select(pl.col(name).cast(kind) for name, kind in _SUMS.items())
-    return groups.keys.hstack(sums)
+    return groups.keys.hstack(typed(groups.sums(rows, list(_SUMS)), _SUMS))

@@ -70,6 +70,7 @@ from tracknoise.tables.schema import (
     check,
     empty,
     of_second_camera,
+    typed,
 )
 
 FLOOR_COLUMNS = ("floor_u", "floor_v")
@@ -119,7 +120,7 @@ def truth_floor(floors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     )
     all_sources = together.with_columns(source=pl.lit(FloorSource.all, dtype=FLOOR_SOURCE)).with_columns(_values())
     single = squared.filter(pl.col("source") != FloorSource.all).with_columns(_values())
-    parts = [part.select(pl.col(name).cast(kind) for name, kind in FLOOR.items()) for part in (all_sources, single)]
+    parts = [typed(part, FLOOR) for part in (all_sources, single)]
     return check(pl.concat(parts).sort(_POINT), FLOOR, "floor")
 
 
@@ -248,7 +249,7 @@ def _moments(positions: _Positions, first: int, second: int) -> pl.DataFrame:
     }
     labels = sequence.seen.conditions[[first] * len(block)]
     named = labels.with_columns(pl.lit(sequence.seen.conditions["tracker"][second]).alias("other"), **values)
-    return named.select(pl.col(name).cast(kind) for name, kind in BETWEEN_TRACKERS.items())
+    return typed(named, BETWEEN_TRACKERS)
 
 
 def _same_corners(positions: _Positions, first: int, second: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -328,11 +329,7 @@ def _of_lag(first: NDArray[np.float64], second: NDArray[np.float64], lag: int) -
     sums = {name: np.bincount(block, squares[:, place], BLOCKS) for place, name in enumerate(_SQUARES)}
     table = pl.DataFrame({"block": np.arange(BLOCKS), "lag": [lag] * BLOCKS, "n": np.bincount(block, minlength=BLOCKS)})
     kinds = {name: kind for name, kind in POSE_DIFFERENCES.items() if name not in SEQUENCE}
-    return (
-        table.with_columns(**sums)
-        .filter(pl.col("n") > 0)
-        .select(pl.col(name).cast(kind) for name, kind in kinds.items())
-    )
+    return typed(table.with_columns(**sums).filter(pl.col("n") > 0), kinds)
 
 
 _SUMS = ("n", "u", "v", "uu", "uv", "vv")

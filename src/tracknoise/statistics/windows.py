@@ -73,6 +73,7 @@ from tracknoise.tables.schema import (
     Schema,
     check,
     empty,
+    typed,
 )
 
 LEAST_PARALLAX_PX = 1.0
@@ -302,7 +303,7 @@ def _table(sequence: PreparedSequence, windows: pl.DataFrame, trimming: Trimming
     }
     named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
     labelled = named.with_columns(pl.lit(trimming, dtype=TRIMMING).alias("trimming"), **sums, **counts)
-    return labelled.select(pl.col(name).cast(kind) for name, kind in schema.items())
+    return typed(labelled, schema)
 
 
 MOST = 96
@@ -348,9 +349,8 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
         **dict(zip(_DERIVATIVES, derivatives.T, strict=True)),
     }
     table = seen.conditions[seen.condition[observed]].hstack(pl.DataFrame(columns))
-    typed = _finite(table).select(pl.col(name).cast(kind) for name, kind in NOISE_TRACKS.items())
     keys = [*seen.conditions.columns, "track", "age"]
-    return check(typed.sort(keys), NOISE_TRACKS, "noise tracks")
+    return check(typed(_finite(table), NOISE_TRACKS).sort(keys), NOISE_TRACKS, "noise tracks")
 
 
 def pair_tracks(sequence: PreparedSequence, *, population: str) -> pl.DataFrame:
@@ -371,8 +371,7 @@ def pair_tracks(sequence: PreparedSequence, *, population: str) -> pl.DataFrame:
     table = sequence.observations[observed].with_columns(stands_for=stands_for)
     track = pl.Series(np.repeat(np.arange(len(counts)), counts))
     known = table.filter(pl.all_horizontal(pl.col("first_du_px", "first_dv_px").is_not_null()).all().over(track))
-    typed = known.select(pl.col(name).cast(kind) for name, kind in PAIR_TRACKS.items())
-    return check(typed.sort(*ORIGIN, "track", "age"), PAIR_TRACKS, "pair tracks")
+    return check(typed(known, PAIR_TRACKS).sort(*ORIGIN, "track", "age"), PAIR_TRACKS, "pair tracks")
 
 
 def _sample(
@@ -477,9 +476,7 @@ def _summed(
         for place, name in enumerate(_FITTED_NOISE_SUMS)
     }  # fmt: skip
     named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
-    return named.with_columns(*_labels(measure, trimming), **sums).select(
-        pl.col(name).cast(kind) for name, kind in FITTED_NOISE.items()
-    )
+    return typed(named.with_columns(*_labels(measure, trimming), **sums), FITTED_NOISE)
 
 
 def _labels(measure: FittedMeasure, trimming: Trimming) -> Iterator[pl.Expr]:

@@ -28,7 +28,7 @@ from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES, EFFECTS, LIFETIMES, OUTLIERS
-from tracknoise.tables.schema import AXIS, CONDITION, VERDICT, Schema, check
+from tracknoise.tables.schema import AXIS, CONDITION, VERDICT, Schema, check, typed
 
 FACTORS: Mapping[str, tuple[str, ...]] = MappingProxyType(
     {
@@ -194,7 +194,7 @@ def effects(
     )
     place = pl.col("factor").cast(pl.Enum(list(FACTORS)))
     table = table.with_columns(verdict=_verdict(), why=_why()).sort("dataset", place, *CONDITION, "order")
-    return check(table.select(pl.col(name).cast(kind) for name, kind in EFFECTS.items()), EFFECTS, "effects")
+    return check(typed(table, EFFECTS), EFFECTS, "effects")
 
 
 def _points(curves: pl.DataFrame, errors: Mapping[str, str], reference: ReferenceCondition) -> pl.DataFrame:

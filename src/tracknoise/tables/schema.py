@@ -887,3 +887,8 @@ def joined(tables: Iterable[pl.DataFrame], schema: Schema) -> pl.DataFrame:
 def empty(schema: Schema) -> pl.DataFrame:
     """A table with the columns of `schema` and no rows."""
     return pl.DataFrame(schema=dict(schema))
+
+
+def typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
+    """The columns of `schema` of a table, in its order and of its types."""
+    return table.select_seq(pl.col(name).cast(kind) for name, kind in schema.items())

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 from tracknoise.analysis.condition_units import USUAL, Sampling, condition_table, estimates_by_point, units_of
 from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.intervals import Method, column_means, pooled
-from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS
+from tracknoise.statistics.definitions import LENGTHS, POOLED, UNITS, since_zero
 from tracknoise.statistics.grouping import Tables, by_condition, tables_of
 from tracknoise.statistics.moments import ABOUT_ZERO
-from tracknoise.tables.enumerations import Axis, Population
+from tracknoise.tables.enumerations import Population
 from tracknoise.tables.findings_schema import ESTIMATE_COLUMNS, INTERVAL_COLUMNS
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import (
@@ -203,9 +203,7 @@ def anchored(table: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame
     Returns: the same columns, and `since` (Int64), not 0: an age, or frames after the key frame, negative before it.
     `table`: moments by age or frame: columns direction, population, axis, at and n, besides any others.
     """
-    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    since = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
-    return table.with_columns_seq(since=since).filter(
+    return table.with_columns_seq(since=since_zero(key_frames)).filter(
         pl.col("n") > 0, pl.col("since") != 0, population=Population.visible
     )
 

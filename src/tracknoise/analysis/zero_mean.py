@@ -33,7 +33,7 @@ from numpy.typing import NDArray
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.sign_flips import Chance, FlipTest, family_p, flip_test
 from tracknoise.inference.units import MIN_SCENES, NO_GROUPS, Resampled, SceneGroups
-from tracknoise.statistics.definitions import NAMES, POOLED
+from tracknoise.statistics.definitions import NAMES, POOLED, since_zero
 from tracknoise.statistics.grouping import (
     Groups,
     Tables,
@@ -43,7 +43,7 @@ from tracknoise.statistics.grouping import (
     scenes_by_dataset,
 )
 from tracknoise.tables.defaults import POPULATION
-from tracknoise.tables.enumerations import Axis, Verdict, Weighting
+from tracknoise.tables.enumerations import Verdict, Weighting
 from tracknoise.tables.findings_schema import CURVES
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import COUNTED, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
@@ -246,9 +246,7 @@ def _means_by_curve(moments: TablesByCondition, population: str) -> Iterator[tup
 
 def _points(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFrame:
     """Places that are tested, by curve: what weighs scenes equally, and (iid), which weighs features equally."""
-    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    zero = pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
-    usable = curves.with_columns_seq(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), pl.col("at") != zero)
+    usable = curves.with_columns_seq(pl.col("at").cast(pl.Int64)).filter(~pl.col("cut"), since_zero(key_frames) != 0)
     points = usable.group_by(*_CURVE, "at").agg(
         n=pl.col("n").first(),
         mean_u=_value("u", "mean", Weighting.scenes),

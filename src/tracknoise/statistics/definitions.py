@@ -1,10 +1,11 @@
-"""Names, units and fixed numbers of the statistics, and the order of conditions and axes."""
+"""Names, units and fixed numbers of the statistics, the order of conditions and axes, and where errors are zero."""
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 
 import polars as pl
 
+from tracknoise.tables.enumerations import Axis
 from tracknoise.tables.schema import CONDITION
 
 POOLED = ["dataset", *CONDITION]
@@ -66,6 +67,15 @@ def natural_key(name: str) -> list[tuple[int, str]]:
     """Sort key that puts ``LR9`` before ``LR10``: digits count as numbers."""
     parts = re.split(r"(\d+)", name)
     return [(int(part), "") if place % 2 else (0, part) for place, part in enumerate(parts)]
+
+
+def since_zero(key_frames: Mapping[str, int]) -> pl.Expr:
+    """Distance of `at` from where errors are zero by construction (Int64): an age, or frames after the key frame.
+
+    `key_frames`: where curves run along frames, by direction. Rows have the columns direction, axis and at.
+    """
+    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
+    return pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
 
 
 def dropped_above(trims: pl.DataFrame) -> float | None:

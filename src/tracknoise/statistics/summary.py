@@ -5,10 +5,9 @@ from collections.abc import Mapping
 import polars as pl
 
 from tracknoise.checks import require, require_whole
-from tracknoise.exceptions import UnknownNameError
 from tracknoise.statistics.definitions import NAMES, POOLED, REFERENCE_AGE
 from tracknoise.statistics.lifetimes import mean_lifetime, median_survival
-from tracknoise.statistics.prepared import POPULATIONS
+from tracknoise.statistics.prepared import check_population
 from tracknoise.statistics.yardstick import shared_places
 from tracknoise.tables.defaults import POPULATION
 from tracknoise.tables.enumerations import Axis, FloorSource, Weighting
@@ -65,8 +64,7 @@ def summary(
     SchemaError
         If a table has other columns.
     """
-    if population not in POPULATIONS:
-        raise UnknownNameError("population", population, POPULATIONS)
+    check_population(population)
     require_whole("age", age, 1)
     require(isinstance(key_frame, int | Mapping), "key_frame", key_frame, "a frame, or one of each direction")
     zero = pl.when(pl.col("axis") == Axis.frame).then(_key_frame(key_frame)).otherwise(0)

@@ -23,7 +23,7 @@ from types import MappingProxyType
 
 import polars as pl
 
-from tracknoise.statistics.definitions import NAMES, POOLED, UNITS, upright
+from tracknoise.statistics.definitions import NAMES, POOLED, UNITS, since_zero, upright
 from tracknoise.statistics.lifetimes import mean_lifetime
 from tracknoise.tables.defaults import MARGIN, POPULATION, TRIMMING
 from tracknoise.tables.enumerations import Axis, Verdict, Weighting
@@ -99,9 +99,7 @@ def comparable(curves: pl.DataFrame, key_frames: Mapping[str, int]) -> pl.DataFr
     polars.DataFrame
         The same columns; `at` is an age, or counts frames from the key frame on (Int64).
     """
-    key = pl.col("direction").replace_strict(dict(key_frames), default=0, return_dtype=pl.Int64)
-    away = pl.col("at").cast(pl.Int64) - pl.when(pl.col("axis") == Axis.frame).then(key).otherwise(0)
-    return curves.with_columns(at=away).filter(pl.col("at") != 0, ~pl.col("cut"))
+    return curves.with_columns(at=since_zero(key_frames)).filter(pl.col("at") != 0, ~pl.col("cut"))
 
 
 def largest_differences(points: pl.DataFrame, *, by: list[str], level: str) -> pl.DataFrame:

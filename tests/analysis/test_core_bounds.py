@@ -26,7 +26,7 @@ def test_scenes_of_one_group_are_not_taken_for_independent(
     )
     names = whole["scene"].unique().sort().to_list()
     groups = SceneGroups({("d", scene): f"place-{place % n_groups}" for place, scene in enumerate(names)})
-    found = core_bounds(whole, blocks, Draws(names, n_draws=0, dataset="d", groups=groups), Method(), groups=groups)
+    found = core_bounds(whole, blocks, Draws(names, n_draws=0, dataset="d", groups=groups), Method())
     assert found.units.resampled == resampled
     assert ((found.estimates.low < 0.3) & (found.estimates.high > 0.3)).mean() > 0.8
 

@@ -73,15 +73,13 @@ _POINT = ["trimming", "axis", "at"]
 _SUMS = ("known_u", "log_u", "known_v", "log_v")
 
 
-def core_bounds(
-    scales: pl.DataFrame, blocks: pl.DataFrame | None, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
-) -> LabelledEstimates:
+def core_bounds(scales: pl.DataFrame, blocks: pl.DataFrame | None, draws: Draws, method: Method) -> LabelledEstimates:
     """Geometric mean over scenes of their cores, of u and of v at every point.
 
     `scales`: columns of `SCALES`, rows of one condition and population.
     """
-    by_scene = _units(scales, None, groups)
-    units = by_scene if by_scene.resampled or blocks is None else _units(scales, blocks, groups)
+    by_scene = _units(scales, None, draws.groups)
+    units = by_scene if by_scene.resampled or blocks is None else _units(scales, blocks, draws.groups)
     held = np.transpose(units.sums[..., 0::2], (2, 1, 0))
     estimates = geometric(units, draws.weights(units), _core_logarithms, method, sizes=held)
     if units.resampled == Resampled.blocks:
@@ -160,11 +158,9 @@ def correlated_changes(increments: TablesByCondition) -> TablesByCondition:
     return {key: part for key, part in pairs.items() if not part.is_empty()}
 
 
-def correlation_bounds(
-    increments: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
-) -> Iterator[LabelledEstimates]:
+def correlation_bounds(increments: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """(autocorrelation) at every lag, of u and of v."""
-    units = units_of(increments, increments, points=_CHANGE_POINT, columns=CHANGE_SUMS, groups=groups)
+    units = units_of(increments, increments, points=_CHANGE_POINT, columns=CHANGE_SUMS, groups=draws.groups)
     coordinates = pl.DataFrame({"coordinate": ["u", "v"]})
     labels = coordinates.join(units.points.rename({"lag": "at"}), how="cross").with_columns_seq(
         statistic=pl.lit(AUTOCORRELATION),
@@ -294,7 +290,7 @@ def interval_table(
     method = Method(kind, level)
     moved = by_condition(changes, INCREMENTS, "increments")
     within = by_condition(aspect_blocks, ASPECT_BLOCKS, "blocks of aspects")
-    made = _Making(drawn, method, groups)
+    made = _Making(drawn, method)
     cores, core_blocks = (
         by_condition(scales, SCALES, "scales"),
         by_condition(scale_blocks, SCALE_BLOCKS, "scale blocks"),
@@ -328,11 +324,10 @@ def curve_statistics(sums: NDArray[np.float64]) -> NDArray[np.float64]:
 
 @dataclass(frozen=True, slots=True)
 class _Making:
-    """How intervals are made: draws of the scenes of each dataset, the method, and groups of scenes."""
+    """How intervals are made: draws of the scenes of each dataset, and the method."""
 
     drawn: Mapping[str, Draws]
     method: Method
-    groups: SceneGroups
 
     def labels(self, units: Units) -> dict[str, Any]:
         """How the intervals of a condition are made, by column."""
@@ -343,8 +338,9 @@ def _curve_rows(sums: Iterable[CurveSums], made: _Making) -> Iterator[pl.DataFra
     """Rows of every aspect of every condition."""
     keys = [*POOLED, "aspect", "at_least", "population"]
     for key, scenes, blocks in sums:
-        units = units_of(scenes, blocks, points=_POINT, columns=SUMS, groups=made.groups)
-        rows = pl.concat(_weighted(units, made.drawn[key[0]].weights(units), made.method))
+        draws = made.drawn[key[0]]
+        units = units_of(scenes, blocks, points=_POINT, columns=SUMS, groups=draws.groups)
+        rows = pl.concat(_weighted(units, draws.weights(units), made.method))
         meant = _MEANT.get(key[keys.index("aspect")])
         chosen = rows if meant is None else rows.filter(pl.col("role").is_in(meant))
         labels = {**dict(zip(keys, key, strict=True)), **made.labels(units)}
@@ -439,7 +435,7 @@ def _core_rows(
         of_population = part.filter(population=population)
         if not of_population.is_empty():
             within = blocks[key].filter(population=population) if key in blocks else None
-            estimates = core_bounds(of_population, within, made.drawn[key[0]], made.method, made.groups)
+            estimates = core_bounds(of_population, within, made.drawn[key[0]], made.method)
             labels = {**dict(zip(POOLED, key, strict=True)), "aspect": Aspect.all, "at_least": None}
             yield _typed(
                 _rows(estimates), {**labels, "population": population, "unit": "px", **made.labels(estimates.units)}
@@ -448,13 +444,13 @@ def _core_rows(
 
 def _scalar_rows(
     tables: TablesByCondition,
-    bounded: Callable[[pl.DataFrame, Draws, Method, SceneGroups], Iterator[LabelledEstimates]],
+    bounded: Callable[[pl.DataFrame, Draws, Method], Iterator[LabelledEstimates]],
     made: _Making,
 ) -> Iterator[pl.DataFrame]:
     """Rows of the lifetimes, of the outlier ratio, or of the autocorrelation, of every condition."""
     usual = {"aspect": Aspect.all, **dict.fromkeys(("at_least", "population", "trimming", "weighting", "coordinate"))}
     for key, part in tables.items():
-        if estimates := list(bounded(part, made.drawn[key[0]], made.method, made.groups)):
+        if estimates := list(bounded(part, made.drawn[key[0]], made.method)):
             rows = pl.concat(map(_rows, estimates))
             missing = {name: value for name, value in usual.items() if name not in rows.columns}
             labels = {**dict(zip(POOLED, key, strict=True)), **missing, **made.labels(estimates[0].units)}

@@ -26,7 +26,7 @@ from tracknoise.inference.bootstrap import Draws
 from tracknoise.inference.estimates import EstimateArray
 from tracknoise.inference.intervals import BetweenScenes, LabelledEstimates, Method, Statistics, pooled
 from tracknoise.inference.survival import area_under, kaplan_meier
-from tracknoise.inference.units import NO_GROUPS, SceneGroups, Units
+from tracknoise.inference.units import Units
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import Tables, by_condition
 from tracknoise.statistics.lifetimes import RESTRICTED
@@ -78,9 +78,7 @@ _LABELS = {"statistic": pl.String, "axis": pl.String, "at": pl.Float64}
 _ROUNDED = 1e-12  # the product that is exactly a half on paper may be rounded up
 
 
-def lifetime_bounds(
-    ends: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS, *, horizon: float
-) -> Iterator[LabelledEstimates]:
+def lifetime_bounds(ends: pl.DataFrame, draws: Draws, method: Method, *, horizon: float) -> Iterator[LabelledEstimates]:
     """Means of lifetimes, survival beyond each lifetime, and the lifetimes that certain shares of the tracks exceed.
 
     Without those until failure where the tracker does not report causes. `ends`: columns of `ENDS`, rows of one
@@ -89,7 +87,7 @@ def lifetime_bounds(
     curves = _CURVES if not ends[f"n_{FAILURES[0]}"].null_count() else {survival: _CURVES[survival]}
     counts = ends.with_columns_seq(n_failed=pl.sum_horizontal(f"n_{cause}" for cause in FAILURES))
     sums = ["n_ended", "n_censored", "n_failed"]
-    units = units_of(counts, counts, points=["lifetime"], columns=sums, groups=groups)
+    units = units_of(counts, counts, points=["lifetime"], columns=sums, groups=draws.groups)
     weights, lifetimes = draws.weights(units), units.points["lifetime"].to_numpy().astype(np.float64)
     tracks = units.sums[..., :2].sum(axis=(1, 2))
 
@@ -113,9 +111,7 @@ def lifetime_bounds(
             yield LabelledEstimates(_labels(name), _quantile(curve, lifetimes, left), units)
 
 
-def outlier_bounds(
-    frames: pl.DataFrame, draws: Draws, method: Method, groups: SceneGroups = NO_GROUPS
-) -> Iterator[LabelledEstimates]:
+def outlier_bounds(frames: pl.DataFrame, draws: Draws, method: Method) -> Iterator[LabelledEstimates]:
     """Pooled outlier ratio: outliers over the features that were offered. None if outliers are not reported.
 
     `frames`: columns of `FRAME_COUNTS`, rows of one condition.
@@ -124,7 +120,7 @@ def outlier_bounds(
         return
     order, size = pl.int_range(pl.len()).over("scene"), pl.len().over("scene")
     blocks = frames.sort("scene", "frame").with_columns_seq(block=block_of(order, size))
-    units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=groups)
+    units = units_of(blocks, blocks, points=[], columns=["offered", "outliers"], groups=draws.groups)
     ratio = pooled(units, draws.weights(units), _ratio, method, scales=["logit"])
     between = _with_extremes(between_scenes(units, _smoothed, ["logit"], ratio), own_values(units, _ratio))
     yield LabelledEstimates(_labels("outlier_ratio"), ratio, units, between)

@@ -46,7 +46,7 @@ def kaplan_meier(
     Survival
         Of the shape of the counts.
     """
-    ended, censored = (np.asarray(count, dtype=np.float64) for count in (n_ended, n_censored))
+    ended, censored = _as_arrays(n_ended, n_censored)
     events = ended if n_events is None else np.asarray(n_events, dtype=np.float64)
     reached = np.flip(np.cumsum(np.flip(ended + censored, axis), axis=axis), axis)
     at_risk = reached - censored
@@ -55,12 +55,7 @@ def kaplan_meier(
 
 
 def restricted_mean(
-    n_ended: ArrayLike,
-    n_censored: ArrayLike,
-    horizon: ArrayLike,
-    *,
-    lifetimes: ArrayLike | None = None,
-    axis: int = -1,
+    n_ended: ArrayLike, n_censored: ArrayLike, horizon: ArrayLike, *, lifetimes: ArrayLike | None = None
 ) -> NDArray[np.float64]:
     """Restricted mean lifetime: the Kaplan-Meier estimate of the mean of min(lifetime, horizon), in frames.
 
@@ -71,22 +66,20 @@ def restricted_mean(
 
     Parameters
     ----------
-    n_ended, n_censored : (..., lifetimes, ...)
+    n_ended, n_censored : (..., lifetimes)
         Counts, or weighted counts, of the tracks that ended and that were censored at each lifetime.
     horizon
         Frames, above 0; any shape that broadcasts with the counts without their axis of lifetimes.
     lifetimes : (lifetimes,)
         Whole frames, ascending; 1, 2, 3 and so on by default.
-    axis
-        The axis of the counts along which lifetimes run.
 
     Returns
     -------
     float64
-        Of the shape of the counts without the axis. NaN where there is no track, and where the follow-up does not reach
-        the horizon and the curve is not yet 0.
+        Of the shape of the counts without their axis of lifetimes. NaN where there is no track, and where the follow-up
+        does not reach the horizon and the curve is not yet 0.
     """
-    ended, censored = _along_last(n_ended, n_censored, axis)
+    ended, censored = _as_arrays(n_ended, n_censored)
     curve = kaplan_meier(ended, censored).beyond
     area = area_under(curve, _whole_frames(lifetimes, ended.shape[-1]), horizon)
     reached = follow_up(ended, censored, lifetimes=lifetimes)
@@ -116,14 +109,12 @@ def area_under(curve: NDArray[np.float64], lifetimes: NDArray[np.float64], horiz
     return area
 
 
-def follow_up(
-    n_ended: ArrayLike, n_censored: ArrayLike, *, lifetimes: ArrayLike | None = None, axis: int = -1
-) -> NDArray[np.float64]:
+def follow_up(n_ended: ArrayLike, n_censored: ArrayLike, *, lifetimes: ArrayLike | None = None) -> NDArray[np.float64]:
     """Largest horizon to which `restricted_mean` is known, in frames.
 
     Parameters
     ----------
-    n_ended, n_censored, lifetimes, axis
+    n_ended, n_censored, lifetimes
         As in `restricted_mean`.
 
     Returns
@@ -131,20 +122,15 @@ def follow_up(
     float64
         The longest lifetime; infinite where the survival curve reaches 0; NaN where there is no track.
     """
-    ended, censored = _along_last(n_ended, n_censored, axis)
+    ended, censored = _as_arrays(n_ended, n_censored)
     seen = (ended + censored > 0) * _whole_frames(lifetimes, ended.shape[-1])
     longest = np.where((kaplan_meier(ended, censored).beyond == 0).any(axis=-1), np.inf, seen.max(axis=-1, initial=0.0))
-    return np.where(_has_tracks(ended, censored), longest, np.nan)
+    return np.where((ended + censored).sum(axis=-1) > 0, longest, np.nan)
 
 
-def _along_last(n_ended: ArrayLike, n_censored: ArrayLike, axis: int) -> list[NDArray[np.float64]]:
-    """Both counts with lifetimes along the last axis."""
-    return [np.moveaxis(np.asarray(count, dtype=np.float64), axis, -1) for count in (n_ended, n_censored)]
+def _as_arrays(*counts: ArrayLike) -> list[NDArray[np.float64]]:
+    return [np.asarray(count, dtype=np.float64) for count in counts]
 
 
 def _whole_frames(lifetimes: ArrayLike | None, count: int) -> NDArray[np.float64]:
     return np.arange(1.0, count + 1) if lifetimes is None else np.asarray(lifetimes, dtype=np.float64)
-
-
-def _has_tracks(ended: NDArray[np.float64], censored: NDArray[np.float64]) -> NDArray[np.bool_]:
-    return np.asarray((ended + censored).sum(axis=-1) > 0)

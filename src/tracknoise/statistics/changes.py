@@ -77,8 +77,7 @@ def increments(sequence: PreparedSequence) -> pl.DataFrame:
         for trimming, chosen in selections.items()
         for table in (_by_age(sequence, chosen), *_products(sequence, chosen))
     ]
-    table = pl.concat(parts, how="diagonal").sort(_SORTED)
-    table = table.hstack(seen.conditions[table["condition"]])
+    table = seen.with_conditions(pl.concat(parts, how="diagonal").sort(_SORTED))
     return check(typed(table, INCREMENTS), INCREMENTS, "increments")
 
 

@@ -46,7 +46,7 @@ from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.inference.track_noise import NAMES, Seen, changed, shares
 from tracknoise.statistics.changes import followers
 from tracknoise.statistics.grouping import number_combinations
-from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.prepared import PreparedSequence, track_runs
 from tracknoise.tables.enumerations import Product
 from tracknoise.tables.schema import (
     CHANGE_TERMS,
@@ -67,9 +67,8 @@ from tracknoise.tables.schema import (
 
 def true_points(sequence: PreparedSequence, geometry: FrameGeometry, born: NDArray[np.intp]) -> NDArray[np.float64]:
     """Points of tracks in the world, (tracks, 3) float64, metres; NaN where the depth is unknown."""
-    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[born]
     depth_m = sequence.tracks["depth_m"].to_numpy()[sequence.track_row[born]]
-    return geometry.unproject(sequence.seen.frame[born], true_uv, depth_m)
+    return geometry.unproject(sequence.seen.frame[born], sequence.true_px[born], depth_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -113,14 +112,12 @@ def error_tracks(sequence: PreparedSequence, geometry: FrameGeometry) -> ErrorTr
     track, frame, age = sequence.track_row[rows], seen.frame[rows], seen.age[rows].astype(np.float64)
     error = np.where(seen.visible[rows, None], seen.error_px[rows], np.nan)
     outlier, limit = _outliers(error, age, seen.condition[rows], seen.conditions.height)
-    begins = np.flatnonzero(np.diff(track, prepend=-1))
-    length = np.diff(np.append(begins, len(rows)))
+    begins, length = track_runs(track)
     magnification = np.nan_to_num(magnifications(sequence, geometry, rows, begins, length), nan=1.0)
     steps = np.diff(age, prepend=0.0) / magnification**2
     steps[begins] = 0.0
     walked = np.cumsum(steps)
-    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[rows]
-    motion = np.diff(true_uv, axis=0, prepend=np.nan)
+    motion = np.diff(sequence.true_px[rows], axis=0, prepend=np.nan)
     motion[begins] = np.nan
     return ErrorTracks(
         rows=rows,
@@ -426,8 +423,7 @@ _LEAST_OBSERVATIONS = 2
 
 def until_unknown(tracks: ErrorTracks) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Where each track begins, and how many observations it has before the first one without a known error."""
-    begins = np.flatnonzero(np.diff(tracks.track, prepend=-1))
-    length = np.diff(np.append(begins, len(tracks.track)))
+    begins, length = track_runs(tracks.track)
     since = np.arange(len(tracks.track)) - np.repeat(begins, length)
     unknown = np.where(np.isnan(tracks.error_px[:, 0]), since, np.repeat(length, length))
     return begins, np.minimum.reduceat(unknown, begins) if len(begins) else length

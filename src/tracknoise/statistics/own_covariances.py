@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.noise_sums import magnifications
-from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.enumerations import Trimming
+from tracknoise.statistics.prepared import PreparedSequence, track_runs
 from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances, empty, typed
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
@@ -98,16 +97,14 @@ def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None =
         if not predicted.any():
             continue
         covariance = relative(entries, sequence.track_row, seen.at == zero, magnification)
-        for trimming, kept in {Trimming.untrimmed: predicted, Trimming.trimmed: predicted & seen.kept}.items():
+        for trimming, kept in seen.by_trimming(predicted).items():
             rows = np.flatnonzero(kept)
             table = _values(sequence, rows, covariance[rows], motion[rows])
             by_age, of_all = table.filter(steps[rows]), table.with_columns(at=pl.lit(None, dtype=pl.UInt32))
             for part in (by_age, of_all):
                 labels = {"covariance": pl.lit(name), "trimming": pl.lit(str(trimming)), "axis": pl.lit(str(seen.axis))}
                 summed = part.group_by("condition", "block", "at").agg(pl.col(_SUMS).sum())
-                origin = seen.conditions[summed["condition"].to_numpy()]
-                labelled = origin.hstack(summed.drop("condition")).with_columns(**labels)
-                parts.append(typed(labelled, COVARIANCE_SUMS))
+                parts.append(typed(seen.with_conditions(summed).with_columns(**labels), COVARIANCE_SUMS))
     keys = [key for key in COVARIANCE_SUMS if key not in _SUMS]
     return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
 
@@ -115,9 +112,8 @@ def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None =
 def _magnified(sequence: PreparedSequence, geometry: FrameGeometry) -> NDArray[np.float64]:
     """Magnification of the image since each track began, (rows,); 1 where it is unknown."""
     rows = sequence.ordered
-    begins = np.flatnonzero(np.diff(sequence.track_row[rows], prepend=-1))
     magnified = np.ones(len(rows))
-    known = magnifications(sequence, geometry, rows, begins, np.diff(np.append(begins, len(rows))))
+    known = magnifications(sequence, geometry, rows, *track_runs(sequence.track_row[rows]))
     magnified[rows] = np.nan_to_num(known, nan=1.0)
     return magnified
 
@@ -125,8 +121,7 @@ def _magnified(sequence: PreparedSequence, geometry: FrameGeometry) -> NDArray[n
 def _directions(sequence: PreparedSequence) -> NDArray[np.float64]:
     """Cosine and sine of twice the angle of the motion of each true position, (rows, 2); NaN where it does not move."""
     rows = sequence.ordered
-    true_uv = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[rows]
-    du, dv = np.diff(true_uv, axis=0, prepend=np.nan).T
+    du, dv = np.diff(sequence.true_px[rows], axis=0, prepend=np.nan).T
     begins = np.diff(sequence.track_row[rows], prepend=-1) != 0
     square = np.where(begins, np.nan, du * du + dv * dv)
     directions = np.full((len(sequence.track_row), 2), np.nan)

@@ -52,7 +52,7 @@ class ImageMotion:
 def image_motion(sequence: PreparedSequence, chosen: NDArray[np.bool_]) -> ImageMotion:
     """Motion of the true positions of chosen observations, (rows,) bool, whose predecessors are chosen too."""
     seen = sequence.seen
-    true_px = sequence.observations.select("u_true_px", "v_true_px").to_numpy()
+    true_px = sequence.true_px
     rows = sequence.ordered_where(chosen & ~np.isnan(true_px).any(axis=1))
     late = followers(sequence.track_row[rows], seen.frame[rows], seen.speed[rows], 1)
     step = true_px[rows[late]] - true_px[rows[late - 1]]
@@ -132,8 +132,7 @@ def image_map(sequence: PreparedSequence, *, width: int, height: int) -> pl.Data
         Schema `IMAGE_MAP`, sorted by its columns before n, with one row for each combination that has an error.
     """
     rows = np.flatnonzero(at_place_ages(sequence) & sequence.seen.visible)
-    true_px = sequence.observations.select("u_true_px", "v_true_px").to_numpy()[rows]
-    cells = (true_px + 0.5) / (width, height) * (MAP_COLUMNS, MAP_ROWS)
+    cells = (sequence.true_px[rows] + 0.5) / (width, height) * (MAP_COLUMNS, MAP_ROWS)
     column, row = np.clip(cells.astype(np.intp), 0, (MAP_COLUMNS - 1, MAP_ROWS - 1)).T
     table = summed(sequence, rows, {"column": column, "row": row}, products(sequence.seen.error_px[rows]))
     return check(typed(table, IMAGE_MAP), IMAGE_MAP, "image map")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from tracknoise.exceptions import SchemaError, UnknownNameError
 from tracknoise.inference.units import BLOCKS
 from tracknoise.statistics.grouping import Groups, group_runs
-from tracknoise.tables.enumerations import Axis, Population
+from tracknoise.tables.enumerations import Axis, Population, Trimming
 from tracknoise.tables.schema import OBSERVATIONS, ORIGIN, TRACKS, check
 
 
@@ -49,6 +49,12 @@ POPULATIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
 visible: the true position is known and was visible. projected: it is known, whether or not it was visible, which is
 what the paper uses.
 """
+
+
+def track_runs(track: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Where each track begins, and how many observations it has. `track`: of each observation, track by track."""
+    begins = np.flatnonzero(np.diff(track, prepend=-1))
+    return begins, np.diff(np.append(begins, len(track)))
 
 
 def check_population(population: str) -> str:
@@ -121,6 +127,14 @@ class PreparedObservations:
         """Whether each observation belongs to a population, (rows,)."""
         return self.visible if population == Population.visible else self.projected
 
+    def by_trimming(self, chosen: NDArray[np.bool_]) -> dict[Trimming, NDArray[np.bool_]]:
+        """The chosen observations, (rows,) bool, and those of them that trimming kept."""
+        return {Trimming.untrimmed: chosen, Trimming.trimmed: chosen & self.kept}
+
+    def with_conditions(self, table: pl.DataFrame) -> pl.DataFrame:
+        """A table with the columns of `conditions` in place of its column `condition`, which has their rows."""
+        return self.conditions[table["condition"].to_numpy()].hstack(table.drop("condition"))
+
 
 @dataclass(frozen=True, slots=True)
 class PreparedSequence:
@@ -158,6 +172,11 @@ class PreparedSequence:
     key_frame: int | None
     populations: tuple[str, ...] = (Population.visible,)
     slowest: int | None = None
+
+    @property
+    def true_px(self) -> NDArray[np.float64]:
+        """True position of each observation, (rows, 2), px; NaN where it is unknown."""
+        return self.observations.select("u_true_px", "v_true_px").to_numpy()
 
     @property
     def block(self) -> NDArray[np.uint8]:

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.places import summed
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.schema import RATIOS, check, empty, typed
 
 GROSS_PX = 3.0
@@ -35,10 +34,9 @@ def ratio_sums(sequence: PreparedSequence) -> pl.DataFrame:
     seen = sequence.seen
     steps = np.abs(seen.at - (sequence.key_frame or 0)) / seen.speed
     chosen = seen.visible & np.isin(steps, STEPS)
-    kept = {Trimming.untrimmed: chosen, Trimming.trimmed: chosen & seen.kept}
     parts = [empty(RATIOS)]
     for quantity, numerator in NUMERATORS.items():
-        for trimming, selected in kept.items():
+        for trimming, selected in seen.by_trimming(chosen).items():
             rows = np.flatnonzero(selected)
             table = summed(sequence, rows, {}, {"sum": numerator(sequence, rows)})
             labelled = table.with_columns(quantity=pl.lit(quantity), trimming=pl.lit(str(trimming)))

@@ -90,13 +90,18 @@ def _bounds(band: NDArray[np.intp]) -> dict[str, pl.Series]:
 
 def _one_per_track(sequence: PreparedSequence, rows: NDArray[np.intp], band: NDArray[np.intp]) -> NDArray[np.intp]:
     """One of the rows that a track has in a band, each equally likely."""
-    seen = sequence.seen
     (track, _), group = number_combinations([sequence.track_row[rows], band[rows]])
-    hashed = scattered(scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
+    hashed = _hashed(sequence, rows)
     least = np.full(len(track), np.iinfo(np.uint64).max, dtype=np.uint64)
     np.minimum.at(least, group, hashed)
     chosen = np.flatnonzero(hashed == least[group])
     return rows[chosen]
+
+
+def _hashed(sequence: PreparedSequence, rows: NDArray[np.intp]) -> NDArray[np.uint64]:
+    """Pseudo-random numbers of observations, by which one of a track is chosen."""
+    seen = sequence.seen
+    return scattered(scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
 
 
 AGES = (1, 2, 3, 4, 6, 8, 12, 16, 24)
@@ -132,9 +137,8 @@ def audited_observations(sequence: PreparedSequence) -> pl.DataFrame:
 
 def _some_per_track(sequence: PreparedSequence, rows: NDArray[np.intp]) -> NDArray[np.intp]:
     """At most `PER_TRACK` of the rows of each track, each equally likely."""
-    seen, track = sequence.seen, sequence.track_row[rows]
-    hashed = scattered(scattered(seen.track[rows]) ^ seen.frame[rows].astype(np.uint64))
-    order = np.lexsort((hashed, track))
+    track = sequence.track_row[rows]
+    order = np.lexsort((_hashed(sequence, rows), track))
     first = np.searchsorted(track[order], track[order])
     return np.asarray(rows[order[np.arange(len(rows)) - first < PER_TRACK]])
 

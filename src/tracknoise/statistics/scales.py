@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from tracknoise.statistics.definitions import POOLED
 from tracknoise.statistics.grouping import IntegerArray, group_rows, in_chunks, number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.enumerations import Population, Trimming, Weighting
+from tracknoise.tables.enumerations import Population, Weighting
 from tracknoise.tables.findings_schema import CORES, CURVES
 from tracknoise.tables.schema import AXIS, POPULATION, SCALE_BLOCKS, SCALES, TRIMMING, Schema, check, empty, typed
 
@@ -61,20 +61,15 @@ def _table(sequence: PreparedSequence, populations: Sequence[str], by: Mapping[s
     seen = sequence.seen
     parts = []
     for population in populations:
-        for trimming, chosen in _selections(sequence, population).items():
+        for trimming, chosen in seen.by_trimming(seen.members(population)).items():
             keys = {"condition": seen.condition, "at": seen.at, **by}
             scales = _scales(seen.error_px[chosen], {name: key[chosen] for name, key in keys.items()})
             labels = pl.lit(population, dtype=POPULATION), pl.lit(trimming, dtype=TRIMMING)
             parts.append(scales.with_columns(population=labels[0], trimming=labels[1]))
     table = pl.concat(parts).sort("condition", "population", "trimming", "at", *by)
-    named = table.hstack(seen.conditions[table["condition"]])
     columns = [*SCALES, *by]
+    named = seen.with_conditions(table)
     return named.with_columns(pl.lit(seen.axis, dtype=AXIS).alias("axis"), pl.col("at").cast(pl.UInt32)).select(columns)
-
-
-def _selections(sequence: PreparedSequence, population: str) -> dict[str, NDArray[np.bool_]]:
-    members = sequence.seen.members(population)
-    return {Trimming.untrimmed: members, Trimming.trimmed: members & sequence.seen.kept}
 
 
 def _scales(error_px: NDArray[np.float64], keys: Mapping[str, IntegerArray]) -> pl.DataFrame:

@@ -344,16 +344,19 @@ def truth_differences(sequence: PreparedSequence) -> pl.DataFrame:
         return empty(TRUTH_DIFFERENCES)
     second_px = sequence.observations.select(*SECOND_TRUTH).to_numpy()
     compared = sequence.seen.visible & sequence.at_slowest & ~np.isnan(second_px).any(axis=1)
-    parts = [part for trimming in Trimming for part in _of_trimming(sequence, second_px, compared, trimming)]
+    parts = [
+        part
+        for trimming, chosen in sequence.seen.by_trimming(compared).items()
+        for part in _of_trimming(sequence, second_px, np.flatnonzero(chosen), trimming)
+    ]
     table = pl.concat([empty(TRUTH_DIFFERENCES), *parts])
     keys = [name for name in TRUTH_DIFFERENCES if name not in _SUMS]
     return check(table.sort(keys), TRUTH_DIFFERENCES, "truth differences")
 
 
 def _of_trimming(
-    sequence: PreparedSequence, second_px: NDArray[np.float64], compared: NDArray[np.bool_], trimming: Trimming
+    sequence: PreparedSequence, second_px: NDArray[np.float64], rows: NDArray[np.intp], trimming: Trimming
 ) -> Iterator[pl.DataFrame]:
-    rows = np.flatnonzero(compared & sequence.seen.kept if trimming == Trimming.trimmed else compared)
     first = sequence.seen.error_px[rows]
     second = sequence.observations.select("u_px", "v_px").to_numpy()[rows] - second_px[rows]
     values = {
@@ -378,5 +381,5 @@ def _summed(sequence: PreparedSequence, rows: NDArray[np.intp], value: NDArray[n
     u, v = value.T
     terms = zip(_SUMS, (np.ones_like(u), u, v, u * u, u * v, v * v), strict=True)
     sums = {name: np.bincount(groups.index, term, groups.count).astype(np.float64) for name, term in terms}
-    named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
-    return named.with_columns(**sums).with_columns(pl.col("n").cast(TRUTH_DIFFERENCES["n"]))
+    summed = sequence.seen.with_conditions(groups.keys).with_columns(**sums)
+    return summed.with_columns(pl.col("n").cast(TRUTH_DIFFERENCES["n"]))

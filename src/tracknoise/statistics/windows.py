@@ -57,7 +57,7 @@ from tracknoise.statistics.definitions import LENGTHS, WINDOWS
 from tracknoise.statistics.grouping import group_rows
 from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.noise_sums import magnifications, true_points
-from tracknoise.statistics.prepared import PreparedSequence
+from tracknoise.statistics.prepared import PreparedSequence, track_runs
 from tracknoise.tables.enumerations import FittedMeasure, Trimming
 from tracknoise.tables.schema import (
     EPIPOLAR,
@@ -144,8 +144,7 @@ def window_runs(
     Returns rows (n,), start, length (tracks,). `rows`: of the observations table.
     """
     rows = sequence.ordered
-    new = np.flatnonzero(np.diff(sequence.track_row[rows], prepend=-1))
-    length = np.diff(np.append(new, len(rows)))
+    new, length = track_runs(sequence.track_row[rows])
     place = np.arange(len(rows)) - np.repeat(new, length)
     member = sequence.seen.members(population)[rows]
     outside = np.where(member, len(rows), place)
@@ -301,7 +300,7 @@ def _table(sequence: PreparedSequence, windows: pl.DataFrame, trimming: Trimming
         "residual_counts": listed(groups.index, residual, groups.count),
         "z_counts": listed(groups.index, z.abs().to_numpy(), groups.count),
     }
-    named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
+    named = sequence.seen.with_conditions(groups.keys)
     labelled = named.with_columns(pl.lit(trimming, dtype=TRIMMING).alias("trimming"), **sums, **counts)
     return typed(labelled, schema)
 
@@ -475,7 +474,7 @@ def _summed(
         name: np.bincount(groups.index, values[rows, place], groups.count)
         for place, name in enumerate(_FITTED_NOISE_SUMS)
     }  # fmt: skip
-    named = sequence.seen.conditions[groups.keys["condition"].to_numpy()].hstack(groups.keys.drop("condition"))
+    named = sequence.seen.with_conditions(groups.keys)
     return typed(named.with_columns(*_labels(measure, trimming), **sums), FITTED_NOISE)
 
 

@@ -88,9 +88,9 @@ def depth_sentence(data: RunData, tracker: str) -> str:
     """What 95 % intervals of depths contain by the residual core and by the consistent sigma; empty if unknown."""
     rows = depth_shares(data).filter(tracker=tracker, at=95)
     shares = {name: f"{share:.0f}{SPACE}%" for name, share in rows.select("covariance", "value").iter_rows()}
-    if not {"residual sigma", "consistent sigma"} <= set(shares):
+    if not {_RESIDUAL, _CONSISTENT} <= set(shares):
         return ""
-    residual, consistent = shares["residual sigma"], shares["consistent sigma"]
+    residual, consistent = shares[_RESIDUAL], shares[_CONSISTENT]
     return (
         f"{tracker}: 95{SPACE}% depth intervals contain {residual} of the true depths with the residual core, and "
         f"{consistent} with the sigma for depths."

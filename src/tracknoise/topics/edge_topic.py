@@ -1,6 +1,6 @@
 """Which features at depth edges are drawn along by the surface in front of them or behind them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import polars as pl
@@ -52,20 +52,15 @@ def _edges_of(errors: pl.DataFrame, conditions: ReportedConditions, tracker: str
         return None
     means = [_estimate(rows[side, "mean"]) for side in differing]
     where = f"{conditions.opening_place(at)}, the mean error of {tracker} {IN[coordinate]}"
-    sentences = [
-        f"{where} differs beside depth edges.",
-        f"On {_SIDES[differing[0]]} it is {format_estimate(means[0])}.",
+    sentences = [f"{where} differs beside depth edges."]
+    sentences += [
+        f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in zip(differing, means, strict=True)
     ]
-    sentences += [f"On {_SIDES[side]} it is {format_estimate(mean)}." for side, mean in _rest(differing, means)]
     sentences += [f"Elsewhere it is {format_estimate(_estimate(rows[EdgeSide.none, 'mean']))}."]
     brief = (
         f"On {_SIDES[differing[0]]} of depth edges, the mean error of {tracker} is {short(means[0])} {IN[coordinate]}."
     )
     return Part(" ".join([*sentences, *_shares(rows, differing[0]), *_removed(rows)]), means, brief)
-
-
-def _rest(sides: Sequence[EdgeSide], means: Sequence[Estimate]) -> Sequence[tuple[EdgeSide, Estimate]]:
-    return list(zip(sides, means, strict=True))[1:]
 
 
 def _rows(table: pl.DataFrame) -> dict[tuple[str, str], Mapping[str, Any]]:

@@ -23,7 +23,7 @@ from tracknoise.topics.measures import Subject, answer, card_number, first, show
 from tracknoise.topics.run_data import RunData
 from tracknoise.topics.sentences import because, joined
 from tracknoise.topics.topic import NO_ROWS, Analysis, Column, Topic
-from tracknoise.topics.withheld import audited_rise, growth_cover, withheld_growth
+from tracknoise.topics.withheld import audited_rise, growth_cover, only_covered, withheld_growth
 from tracknoise.words import DASH, count, coverage_sentence, format_estimate, listing, ratio, sentence_case
 
 _PARTS: Mapping[str, tuple[str, str]] = {
@@ -148,7 +148,7 @@ def _growth_withheld(
         return [], []
     growing = rows.filter(grows=Verdict.yes)["coordinate"].sort().to_list()
     covers = {axis: growth_cover(tables, conditions, tracker, axis, summary["at"]) for axis in growing}
-    covered = [axis for axis, cover in covers.items() if cover is not None and cover.is_covered]
+    covered = [*only_covered(covers)]
     by_floor = withheld_growth(tracker, conditions.place(summary["at"]), covers)
     uncovered = [axis for axis in growing if axis not in covered]
     audited = {axis: audited_rise(tables, conditions, tracker, axis, summary["at"]) for axis in uncovered}
@@ -198,7 +198,8 @@ def _fits(data: RunData) -> pl.DataFrame:
 
 
 _NO_GROWTH = 1.0
-_HOW: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no model fits"}
+IN_WORDS: Mapping[str, str] = {Behaviour.white: "constant", Behaviour.none: "no model fits"}
+"""Verdicts on growth that are clearer in other words."""
 
 
 def growth_measure(subject: Subject) -> Measure | None:
@@ -245,7 +246,7 @@ def _kind_of_growth(row: Mapping[str, Any]) -> str:
     """How errors grow, in a few words. `row`: of `TIME_STRUCTURE`."""
     if row["verdict"] == Behaviour.undecided:
         return "kind undecided" if _grows(row) == Verdict.yes else "undecided"
-    return _HOW.get(row["verdict"], row["verdict"])
+    return IN_WORDS.get(row["verdict"], row["verdict"])
 
 
 def _up_to(conditions: ReportedConditions, row: Mapping[str, Any]) -> str:

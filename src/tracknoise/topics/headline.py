@@ -219,7 +219,7 @@ class ReportedConditions:
         more = len(described) - len(named)
         sentences = [opening, *(part.text for part in named.values())]
         sentences += [f"The table has {count(more, 'other tracker')}."] if more else []
-        text = " ".join(filter(None, [*sentences, closing]))
+        text = joined([*sentences, closing])
         parts = tuple(TrackerPart(tracker, part.text, ids_of(part.estimates)) for tracker, part in described.items())
         return Headline(
             text,

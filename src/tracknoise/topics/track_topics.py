@@ -14,6 +14,7 @@ from tracknoise.topics.answer_summary import Measure
 from tracknoise.topics.factor_topic import best
 from tracknoise.topics.headline import Headline, Part, ReportedConditions, RunTables, scalar_estimate, scalar_scenes
 from tracknoise.topics.measures import Subject, card_number, estimate_cell, first, with_interval
+from tracknoise.topics.sentences import joined
 from tracknoise.topics.topic import ABOUT_TRACKS, Analysis, Basis, Column, Topic
 from tracknoise.words import count, format_estimate, percent
 
@@ -52,8 +53,8 @@ def _outliers_of(tables: RunTables, conditions: ReportedConditions, tracker: str
         return None if _reports_causes(summary) else Part(text, [], text)
     intervals = conditions.intervals(tables, tracker)
     estimate = scalar_estimate(summary.row(0, named=True), intervals, "outlier_ratio", "share")
-    text = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
-    text += "".join(f" {scenes}" for scenes in [scalar_scenes(intervals, "outlier_ratio")] if scenes)
+    rejects = f"{tracker} rejects {format_estimate(estimate)} of its features per frame."
+    text = joined([rejects, scalar_scenes(intervals, "outlier_ratio")])
     return Part(text + _between_seeds(conditions.of(tables["seed_spread"], tracker)), [estimate])
 
 
@@ -104,7 +105,7 @@ def _lifetime_of(tables: RunTables, conditions: ReportedConditions, tracker: str
             if name in lifetime_texts and text
         ),
     ]
-    return Part(" ".join(filter(None, [*texts, scenes])), [*estimates.values()])
+    return Part(joined([*texts, scenes]), [*estimates.values()])
 
 
 def _is_longest(row: Mapping[str, Any], name: str) -> bool:

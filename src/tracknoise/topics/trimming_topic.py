@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 
 import polars as pl
 
-from tracknoise.tables.enumerations import Behaviour, Trimming
+from tracknoise.tables.enumerations import Trimming
 from tracknoise.topics.bands import FRAME
 from tracknoise.topics.bias_topic import verdict_on_bias
-from tracknoise.topics.growth_topic import behaviour_of
+from tracknoise.topics.growth_topic import IN_WORDS, behaviour_of
 from tracknoise.topics.headline import Headline, ReportedConditions, RunTables, curve_rows
 from tracknoise.topics.measures import first
 from tracknoise.topics.run_data import RunData
@@ -17,8 +17,6 @@ from tracknoise.topics.topic import Topic
 from tracknoise.words import condition_name, count, number, percent, px, rms_of_tracks
 
 _BOTH = (Trimming.untrimmed, Trimming.trimmed)
-_WORDS: Mapping[str, str] = {Behaviour.none: "no model fits", Behaviour.white: "constant"}
-"""Verdicts that are clearer in other words."""
 
 
 def trimming_matters(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
@@ -96,7 +94,7 @@ def _verdicts(tables: RunTables, conditions: ReportedConditions) -> list[str]:
 
 
 def _differs(verdicts: Sequence[str | None], subject: str) -> Sequence[str]:
-    words = [_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
+    words = [IN_WORDS.get(verdict, verdict) for verdict in verdicts if verdict is not None]
     if len(words) < len(_BOTH) or verdicts[0] == verdicts[1]:
         return []
     before, after = words

@@ -89,8 +89,7 @@ def _cause(others_share: Estimate) -> str:
 
 def between_trackers(tables: RunTables, conditions: ReportedConditions) -> Headline | None:
     """Which trackers have a bias relative to each other, which no error of the truth can cause."""
-    table = tables["tracker_differences"].filter(statistic="mean").sort("other")
-    means = pl.concat([table.clear(), *(conditions.of(table, tracker) for tracker in conditions.trackers)])
+    means = conditions.reported(tables["tracker_differences"].filter(statistic="mean").sort("other"))
     parts = [_difference(pair, conditions) for _, pair in means.group_by("tracker", "other", maintain_order=True)]
     established = [part for part in parts if part]
     if not established:

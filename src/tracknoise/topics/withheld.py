@@ -69,7 +69,7 @@ def withheld_bias(tracker: str, place: str, covers: Mapping[str, FloorCover | No
     if not covered_by_floor(*covers.values()):
         return None
     claim = f"No bias of {tracker} is claimed: errors of the truth can cause its mean error."
-    return joined([claim, *_sizes(f"{place}, the mean error is", covers)])
+    return joined([claim, *_sizes(f"{place}, the mean error is", only_covered(covers))])
 
 
 def audited_bias(tables: RunTables, conditions: ReportedConditions, tracker: str, at: int) -> str | None:
@@ -111,7 +111,7 @@ def _left(where: str, what: str, cover: AuditCover) -> str:
 
 def covered_coordinates(covers: Mapping[str, FloorCover | None]) -> str:
     """Sentences about coordinates whose mean is covered where that of another is not; else empty."""
-    covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
+    covered = only_covered(covers)
     if not covered:
         return ""
     return joined([f"Errors of the truth can cause the mean in {listing(covered)}.", *_sizes("The mean is", covered)])
@@ -176,17 +176,21 @@ def _rise(table: pl.DataFrame, column: str, at: int) -> float | None:
 
 def withheld_growth(tracker: str, place: str, covers: Mapping[str, FloorCover | None]) -> str | None:
     """The sentence that replaces a finding of growth in the covered coordinates; None where none is covered."""
-    covered = {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
+    covered = only_covered(covers)
     if not covered:
         return None
     claim = f"No growth of {tracker} in {listing(covered)} is claimed: errors of the truth can cause it."
     return joined([claim, *_sizes(f"{sentence_case(place)}, the error has grown by", covered)])
 
 
-def _sizes(opening: str, covers: Mapping[str, FloorCover | None]) -> list[str]:
+def only_covered(covers: Mapping[str, FloorCover | None]) -> dict[str, FloorCover]:
+    """Those of the coordinates that errors of the truth alone can explain."""
+    return {axis: cover for axis, cover in covers.items() if cover is not None and cover.is_covered}
+
+
+def _sizes(opening: str, covers: Mapping[str, FloorCover]) -> list[str]:
     """A sentence for each coordinate: the size, and what errors of the truth can cause."""
-    known_covers = {axis: cover for axis, cover in covers.items() if cover is not None}
     return [
         f"{opening} {px(cover.error_px)} in {axis}; errors of the truth can cause {px(cover.limit_px)}."
-        for axis, cover in known_covers.items()
+        for axis, cover in covers.items()
     ]

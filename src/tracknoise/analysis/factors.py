@@ -629,4 +629,4 @@ def ranking(pairs: pl.DataFrame) -> pl.DataFrame:
         worst=pl.col("n_trackers") - pl.col("beaten"), why=pl.when(pl.col("disputed") != "").then(why)
     )
     ordered = ranks.sort(*held, pl.col("best") + pl.col("worst"), "best", "tracker", nulls_last=True)
-    return check(typed(ordered, RANKS), RANKS, "ranks")
+    return typed(ordered, RANKS)

@@ -71,7 +71,7 @@ from tracknoise.tables.enumerations import Shape
 from tracknoise.tables.findings_schema import INTERVAL_KIND, RESAMPLED, SHAPE
 from tracknoise.tables.quantities import Quantity
 from tracknoise.tables.run_table import ALL_ROWS, OF_CONDITION, Rows, RunTable, Value, bounds_of, same
-from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, check, empty, typed
+from tracknoise.tables.schema import MOMENTS, SAMPLES, TRIMMING, Schema, empty, typed
 from tracknoise.tables.schema import POOLED as CONDITIONS
 from tracknoise.words import SPACE, format_as, listing, number, thousandths
 
@@ -498,11 +498,10 @@ def gaussianity(
         found, distances = _condition(of_scenes, singles.get(key, empty(SAMPLES)), drawn[key[0]], options)
         rows.append(found.with_columns_seq(names(key, GAUSSIANITY)))
         quantiles.append(distances.with_columns_seq(names(key, RADII)))
-    shapes = (
+    return Shapes(
         _typed(rows, GAUSSIANITY).sort(*POOLED, *BAND),
         _typed(quantiles, RADII).sort(*POOLED, *BAND, "probability"),
     )
-    return Shapes(check(shapes[0], GAUSSIANITY, "gaussianity"), check(shapes[1], RADII, "radii"))
 
 
 def _banded(moments: TablesByCondition, key_frames: Mapping[str, int]) -> Iterator[tuple[Condition, pl.DataFrame]]:

@@ -130,7 +130,7 @@ def seed_spread(
     spread = values.group_by(KEYS).agg(mean=value.mean(), standard_deviation=value.std(), n_seeds=value.len())
     table = first.select_seq(*KEYS, "unit", "by_block").join(spread, on=KEYS, nulls_equal=True)
     table = table.rename({"by_block": "widens_interval"}).filter(pl.col("n_seeds") > 1).sort(KEYS)
-    return check(typed(table, SEED_SPREAD), SEED_SPREAD, "seed spread")
+    return typed(table, SEED_SPREAD)
 
 
 def widened(intervals: pl.DataFrame, spread: pl.DataFrame, *, horizons: pl.DataFrame) -> pl.DataFrame:

@@ -189,8 +189,7 @@ def zero_mean(
     rows = pl.concat(tables, how="diagonal_relaxed").with_columns_seq(
         pl.col("^.*_p(_adjusted|_family)?$").fill_nan(None), pl.col(BOUNDS).fill_nan(None)
     )
-    table = typed(_judged(rows), ZERO_MEAN)
-    return check(table.sort(*POOLED, "trimming", "axis", "at"), ZERO_MEAN, "zero mean")
+    return typed(_judged(rows), ZERO_MEAN).sort(*POOLED, "trimming", "axis", "at")
 
 
 def verdict_at(row: Mapping[str, Any]) -> Verdict:

@@ -23,7 +23,7 @@ from tracknoise.statistics.moments import ABOUT_ZERO, SECOND, measure_moments
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.findings_schema import CHANGES
-from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, check, typed
+from tracknoise.tables.schema import INCREMENTS, TRIMMING, Schema, typed
 
 
 def followers(
@@ -78,7 +78,7 @@ def increments(sequence: PreparedSequence) -> pl.DataFrame:
         for table in (_by_age(sequence, chosen), *_products(sequence, chosen))
     ]
     table = seen.with_conditions(pl.concat(parts, how="diagonal").sort(_SORTED))
-    return check(typed(table, INCREMENTS), INCREMENTS, "increments")
+    return typed(table, INCREMENTS)
 
 
 def _by_age(sequence: PreparedSequence, changed: _Changes) -> pl.DataFrame:
@@ -149,8 +149,7 @@ def change_curves(increments: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataF
         **{f"covariance_{a}{b}": alone.then(_covariance(a, b)) for a, b in _PAIRS},
         **{f"autocorrelation_{axis}": related.then(_ratio(axis)) for axis in "uv"},
     )
-    table = typed(table.sort(_KEYS), CHANGES)
-    return check(table, CHANGES, "changes")
+    return typed(table.sort(_KEYS), CHANGES)
 
 
 def _covariance(a: str, b: str) -> pl.Expr:

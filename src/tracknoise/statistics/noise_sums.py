@@ -232,7 +232,7 @@ _MEANS = ("sum_u", "sum_v", "along", "motion")
 def noise_sums(sequence: PreparedSequence, tracks: ErrorTracks, found: Mapping[Product, Products]) -> pl.DataFrame:
     """Sums of every condition, block, product and age. Returns schema `NOISE_SUMS`, sorted."""
     parts = [_summed_products(sequence, tracks, kind, of_kind) for kind, of_kind in found.items()]
-    return check(pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS), NOISE_SUMS, "noise sums")
+    return pl.concat([empty(NOISE_SUMS), *parts]).sort(_KEYS)
 
 
 _KEYS = tuple(name for name in NOISE_SUMS if name not in ("n", *_PRODUCTS, *NAMES, *_MEANS))
@@ -273,7 +273,7 @@ def noise_outliers(sequence: PreparedSequence, tracks: ErrorTracks) -> pl.DataFr
         "n_outliers": np.bincount(condition[tracks.outlier], minlength=count),
     }
     table = sequence.seen.conditions.hstack(pl.DataFrame({**counts, "limit_px": tracks.limit_px}))
-    return check(typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS), NOISE_OUTLIERS, "noise outliers")
+    return typed(table.filter(pl.col("n") > 0), NOISE_OUTLIERS)
 
 
 MOTION = "motion_px"
@@ -307,7 +307,7 @@ def noise_covariates(sequence: PreparedSequence, tracks: ErrorTracks, changes: P
         _summed_covariates(sequence, tracks, changes, name, values) for name, values in covariates_of(sequence, tracks)
     ]
     keys = [name for name in NOISE_COVARIATES if name not in ("n", *CHANGE_TERMS)]
-    return check(pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys), NOISE_COVARIATES, "noise covariates")
+    return pl.concat([empty(NOISE_COVARIATES), *parts]).sort(keys)
 
 
 def covariates_of(sequence: PreparedSequence, tracks: ErrorTracks) -> Iterator[tuple[str, NDArray[np.float64]]]:
@@ -369,8 +369,7 @@ def noise_pairs(sequence: PreparedSequence, tracks: ErrorTracks, changes: Produc
     Returns schema `NOISE_PAIRS`, sorted.
     """
     keys = [name for name in NOISE_PAIRS if name not in ("n", *CHANGE_TERMS)]
-    table = pl.concat([empty(NOISE_PAIRS), *_parts(sequence, tracks, changes)])
-    return check(table.sort(keys), NOISE_PAIRS, "noise pairs")
+    return pl.concat([empty(NOISE_PAIRS), *_parts(sequence, tracks, changes)]).sort(keys)
 
 
 def _parts(sequence: PreparedSequence, tracks: ErrorTracks, changes: Products) -> Iterator[pl.DataFrame]:

@@ -24,7 +24,7 @@ from tracknoise.geometry.projection import FrameGeometry
 from tracknoise.statistics.definitions import STEPS
 from tracknoise.statistics.noise_sums import magnifications
 from tracknoise.statistics.prepared import PreparedSequence, track_runs
-from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, check, covariances, empty, typed
+from tracknoise.tables.schema import COVARIANCE_SUMS, QUALITY_PREFIX, covariances, empty, typed
 
 LEVELS = (0.5, 0.9, 0.95, 0.99)
 """Levels of the regions whose coverage is counted."""
@@ -106,7 +106,7 @@ def covariance_sums(sequence: PreparedSequence, geometry: FrameGeometry | None =
                 summed = part.group_by("condition", "block", "at").agg(pl.col(_SUMS).sum())
                 parts.append(typed(seen.with_conditions(summed).with_columns(**labels), COVARIANCE_SUMS))
     keys = [key for key in COVARIANCE_SUMS if key not in _SUMS]
-    return check(pl.concat(parts).sort(keys), COVARIANCE_SUMS, "sums of covariances")
+    return pl.concat(parts).sort(keys)
 
 
 def _magnified(sequence: PreparedSequence, geometry: FrameGeometry) -> NDArray[np.float64]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.histograms import listed
 from tracknoise.statistics.prepared import PreparedSequence
-from tracknoise.tables.schema import PAIR, PAIR_SUMS, check, empty, typed
+from tracknoise.tables.schema import PAIR, PAIR_SUMS, empty, typed
 
 Array = NDArray[np.float64]
 
@@ -67,6 +67,4 @@ def pair_sums(sequence: PreparedSequence) -> pl.DataFrame:
         "along_counts": listed(index, np.abs(along), count),
         "log_counts": listed(index, np.abs(log / LOG_UNIT), count),
     }
-    found = seen.conditions[condition].with_columns(**columns)
-    sums = typed(found, PAIR_SUMS)
-    return check(sums, PAIR_SUMS, "pair sums")
+    return typed(seen.conditions[condition].with_columns(**columns), PAIR_SUMS)

@@ -37,7 +37,7 @@ from tracknoise.statistics.definitions import (
 from tracknoise.statistics.grouping import number_combinations
 from tracknoise.statistics.prepared import PreparedSequence
 from tracknoise.tables.enumerations import EdgeSide, Occlusion, Surrounding
-from tracknoise.tables.schema import AXIS, IMAGE_MAP, IMAGE_SPEEDS, OCCLUSION, SURROUNDING, SURROUNDINGS, check, typed
+from tracknoise.tables.schema import AXIS, IMAGE_MAP, IMAGE_SPEEDS, OCCLUSION, SURROUNDING, SURROUNDINGS, typed
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,7 +135,7 @@ def image_map(sequence: PreparedSequence, *, width: int, height: int) -> pl.Data
     cells = (sequence.true_px[rows] + 0.5) / (width, height) * (MAP_COLUMNS, MAP_ROWS)
     column, row = np.clip(cells.astype(np.intp), 0, (MAP_COLUMNS - 1, MAP_ROWS - 1)).T
     table = summed(sequence, rows, {"column": column, "row": row}, products(sequence.seen.error_px[rows]))
-    return check(typed(table, IMAGE_MAP), IMAGE_MAP, "image map")
+    return typed(table, IMAGE_MAP)
 
 
 _LOWEST = -40
@@ -156,7 +156,7 @@ def image_speeds(sequence: PreparedSequence) -> pl.DataFrame:
     table = summed(sequence, rows, {"octave": octave - _LOWEST}, values)
     bound = (pl.col("octave").cast(pl.Float64) + _LOWEST) / 2.0
     table = table.with_columns(low=2.0**bound, high=2.0 ** (bound + 0.5))
-    return check(typed(table, IMAGE_SPEEDS), IMAGE_SPEEDS, "image speeds")
+    return typed(table, IMAGE_SPEEDS)
 
 
 _FEWEST = 10
@@ -225,7 +225,7 @@ def surroundings(sequence: PreparedSequence) -> pl.DataFrame:
     values = {**products(sequence.seen.error_px[rows]), **_directed(sequence, rows)}
     parts = [_of_classes(sequence, classes, rows, occlusion[rows], values) for classes in _classes(sequence, rows)]
     keys = list(SURROUNDINGS)[: list(SURROUNDINGS).index("n")]
-    return check(pl.concat(parts).sort(keys), SURROUNDINGS, "surroundings")
+    return pl.concat(parts).sort(keys)
 
 
 def _of_classes(

@@ -14,7 +14,7 @@ from tracknoise.inference.bootstrap import scattered
 from tracknoise.statistics.definitions import PLACE_AGES
 from tracknoise.statistics.grouping import by_group, group_runs, number_combinations
 from tracknoise.statistics.prepared import POPULATIONS, PreparedSequence
-from tracknoise.tables.schema import ORIGIN, SAMPLES, check, typed
+from tracknoise.tables.schema import ORIGIN, SAMPLES, typed
 
 BANDS = ((1, 4), (5, 9), (10, 19), (20, 49), (50, 99), (100, 199), (200, 499), (500, 999))
 """First and last age (or distance from the key frame, in frames of the nominal sequence) of each band."""
@@ -40,7 +40,7 @@ def samples(sequence: PreparedSequence, *, max_tracks: int = MAX_TRACKS) -> pl.D
     bounds = _bounds(band[rows])
     chosen = first_tracks(banded.with_columns_seq(**bounds, block=pl.Series(sequence.block[rows])), max_tracks)
     table = chosen.with_columns_seq(at="age" if key_frame is None else "frame").sort(_KEYS)
-    return check(typed(table, SAMPLES), SAMPLES, "samples")
+    return typed(table, SAMPLES)
 
 
 def with_bands(table: pl.DataFrame, distance: pl.Expr) -> pl.DataFrame:

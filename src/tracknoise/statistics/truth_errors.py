@@ -121,7 +121,7 @@ def truth_floor(floors: pl.DataFrame | Iterable[pl.DataFrame]) -> pl.DataFrame:
     all_sources = together.with_columns(source=pl.lit(FloorSource.all, dtype=FLOOR_SOURCE)).with_columns(_values())
     single = squared.filter(pl.col("source") != FloorSource.all).with_columns(_values())
     parts = [typed(part, FLOOR) for part in (all_sources, single)]
-    return check(pl.concat(parts).sort(_POINT), FLOOR, "floor")
+    return pl.concat(parts).sort(_POINT)
 
 
 def _kinds(keys: Sequence[str], sums: Sequence[str]) -> dict[str, pl.DataType | type[pl.DataType]]:
@@ -204,8 +204,7 @@ def between_trackers(sequence: PreparedSequence) -> pl.DataFrame:
     pairs = [pair for group in together for pair in combinations(group["row"].to_list(), 2)]
     positions = _Positions.of(sequence) if pairs else None
     parts = [_moments(positions, *pair) for pair in pairs] if positions else []
-    table = pl.concat([empty(BETWEEN_TRACKERS), *parts]).sort(_KEYS)
-    return check(table, BETWEEN_TRACKERS, "between trackers")
+    return pl.concat([empty(BETWEEN_TRACKERS), *parts]).sort(_KEYS)
 
 
 @dataclass(frozen=True, slots=True)

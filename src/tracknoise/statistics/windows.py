@@ -44,7 +44,7 @@ The table has the sums. Both are free of what the fit absorbs, and have no bias 
 along the epipolar line.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -71,7 +71,6 @@ from tracknoise.tables.schema import (
     WINDOW_BLOCKS,
     WINDOW_NOISE,
     Schema,
-    check,
     empty,
     typed,
 )
@@ -211,15 +210,12 @@ def window_noise(
         for trimming, chosen in _trimmings(of_windows):
             scenes.append(_table(sequence, chosen.with_columns(block=None), trimming, WINDOW_NOISE))
             blocks.append(_table(sequence, chosen.filter("slow"), trimming, WINDOW_BLOCKS))
-    return {
-        "window_noise": _checked(pl.concat(scenes), WINDOW_NOISE, "window noise"),
-        "window_blocks": _checked(pl.concat(blocks), WINDOW_BLOCKS, "window blocks"),
-    }
+    return {"window_noise": _sorted(scenes, WINDOW_NOISE), "window_blocks": _sorted(blocks, WINDOW_BLOCKS)}
 
 
-def _checked(table: pl.DataFrame, schema: Schema, name: str) -> pl.DataFrame:
+def _sorted(parts: Sequence[pl.DataFrame], schema: Schema) -> pl.DataFrame:
     keys = [column for column in schema if column not in (*_WINDOW_NOISE_SUMS, "residual_counts", "z_counts")]
-    return check(table.sort(keys), schema, name)
+    return pl.concat(parts).sort(keys)
 
 
 def _trimmings(windows: pl.DataFrame) -> Iterator[tuple[Trimming, pl.DataFrame]]:
@@ -349,7 +345,7 @@ def noise_tracks(sequence: PreparedSequence, geometry: FrameGeometry, *, populat
     }
     table = seen.conditions[seen.condition[observed]].hstack(pl.DataFrame(columns))
     keys = [*seen.conditions.columns, "track", "age"]
-    return check(typed(_finite(table), NOISE_TRACKS).sort(keys), NOISE_TRACKS, "noise tracks")
+    return typed(_finite(table), NOISE_TRACKS).sort(keys)
 
 
 def pair_tracks(sequence: PreparedSequence, *, population: str) -> pl.DataFrame:
@@ -370,7 +366,7 @@ def pair_tracks(sequence: PreparedSequence, *, population: str) -> pl.DataFrame:
     table = sequence.observations[observed].with_columns(stands_for=stands_for)
     track = pl.Series(np.repeat(np.arange(len(counts)), counts))
     known = table.filter(pl.all_horizontal(pl.col("first_du_px", "first_dv_px").is_not_null()).all().over(track))
-    return check(typed(known, PAIR_TRACKS).sort(*ORIGIN, "track", "age"), PAIR_TRACKS, "pair tracks")
+    return typed(known, PAIR_TRACKS).sort(*ORIGIN, "track", "age")
 
 
 def _sample(
@@ -429,10 +425,8 @@ def fitted_noise(sequence: PreparedSequence) -> pl.DataFrame:
         for measure, values in zip(FittedMeasure, (_triangulated(sequence), _epipolar(sequence)), strict=True)
         for trimming in Trimming
     ]
-    table = pl.concat([empty(FITTED_NOISE), *(part.select(*FITTED_NOISE) for part in parts)])
-    return check(
-        table.sort([name for name in FITTED_NOISE if name not in _FITTED_NOISE_SUMS]), FITTED_NOISE, "fitted noise"
-    )
+    keys = [name for name in FITTED_NOISE if name not in _FITTED_NOISE_SUMS]
+    return pl.concat([empty(FITTED_NOISE), *parts]).sort(keys)
 
 
 def _length_class(sequence: PreparedSequence) -> NDArray[np.int64]:

@@ -890,5 +890,5 @@ def empty(schema: Schema) -> pl.DataFrame:
 
 
 def typed(table: pl.DataFrame, schema: Schema) -> pl.DataFrame:
-    """The columns of `schema` of a table, in its order and of its types."""
+    """The columns of `schema` of a table, in its order and of its types: what `check` would find right."""
     return table.select_seq(pl.col(name).cast(kind) for name, kind in schema.items())

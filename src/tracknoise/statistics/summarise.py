@@ -99,7 +99,7 @@ def summarise_sequence(
     population
         Observations that trimming uses: `visible` or `projected`. Blocks hold these and the visible ones.
     trim_percentile, trim_among
-        See `tracknoise.statistics.trimming.trim_sequence`; by default every track is kept.
+        See `tracknoise.statistics.trimming.trim`; by default every track is kept.
     slowest
         Speed at which the blocks of aspects are computed. Default: all speeds.
     statistics

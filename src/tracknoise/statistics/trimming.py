@@ -56,36 +56,28 @@ def trim(
     among: str = TRIM_AMONG,
     key_frame: int | None = None,
 ) -> Trimmed:
-    """Prepare the tables of a sequence and trim it: see `trim_sequence`.
-
-    Raises
-    ------
-    SettingsError, UnknownNameError
-        As `trim_sequence`.
-    SchemaError
-        If a table has other columns, or an observation does not belong to exactly one track.
-    """
-    sequence = prepare_sequence(observations, tracks, key_frame=key_frame)
-    return trim_sequence(sequence, percentile=percentile, population=population, among=among)
-
-
-def trim_sequence(
-    sequence: PreparedSequence, *, percentile: float | None, population: str = POPULATION, among: str = TRIM_AMONG
-) -> Trimmed:
-    """Mark as dropped the tracks whose largest error exceeds a percentile of their scene and condition.
+    """Prepare a sequence, and mark as dropped the tracks whose largest error exceeds a percentile of their condition.
 
     The largest error of a track is the maximum over its observations of `population` of the L2 norm of (du, dv), px. It
-    is null where there is no such observation, and such a track is kept. The threshold is NumPy's linearly interpolated
-    percentile of the largest errors that are not null.
+    is null where there is no such observation, and such a track is kept. The threshold of a scene and condition is
+    NumPy's linearly interpolated percentile of its largest errors that are not null.
 
     The true position of a track is fixed in one frame, its anchor, where the error is 0 or nearly so. A track that has
     no other error lowers the threshold. As in the paper such tracks count, unless `among` excludes them.
 
-    `sequence`: its `kept` and `max_error_px` are not read; `percentile`: from 0 to 100; None keeps every track;
+    `kept` and `max_error_px` of the tables are not read; `percentile`: from 0 to 100; None keeps every track;
     `population`: which observations count: `visible` or `projected`; `among`: of which tracks the percentile is taken:
     of `all` that have a largest error, or of those that were `followed`, which have an error in another frame than
     their anchor.
+
+    Raises
+    ------
+    SettingsError, UnknownNameError
+        If the percentile is not from 0 to 100, or there is no such population or choice of tracks.
+    SchemaError
+        If a table has other columns, or an observation does not belong to exactly one track.
     """
+    sequence = prepare_sequence(observations, tracks, key_frame=key_frame)
     if percentile is not None and not 0 <= percentile <= 100:
         raise SettingsError(f"trimming percentile is {percentile}, expected 0 to 100")
     if among not in AMONG.categories:

@@ -89,7 +89,8 @@ from tracknoise.inference.densities import (
     gathered,
     terms,
 )
-from tracknoise.statistics.grouping import by_group, group_rows, number_names
+from tracknoise.inference.units import sorting
+from tracknoise.statistics.grouping import group_rows, number_names
 from tracknoise.statistics.moments import FOURTH
 from tracknoise.tables.enumerations import Trimming
 from tracknoise.words import number, percent
@@ -234,8 +235,8 @@ def standardised(samples: pl.DataFrame, standard: pl.DataFrame) -> pl.DataFrame:
     selected = {Trimming.untrimmed: np.arange(samples.height), Trimming.trimmed: kept}
     standardised_parts = [_with_standard(samples, rows, standard, trimming) for trimming, rows in selected.items()]
     rows, of = (np.concatenate(parts) for parts in zip(*standardised_parts, strict=True))
-    names, scene = number_names(samples["scene"])
-    order = by_group(scene[rows], len(names))
+    _, scene = number_names(samples["scene"])
+    order = sorting(scene[rows])
     rows, of = rows[order], of[order]
     (centre_u, centre_v), (a, b, c) = (each[:, of] for each in _parts(standard))
     errors = samples.select_seq("age_low", "at", "dataset", "scene", "block", "track", "du_px", "dv_px")[rows]

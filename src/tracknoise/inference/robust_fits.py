@@ -20,6 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from tracknoise.inference.units import sorting
+
 FREEDOM = 4.0
 """Degrees of freedom of Student's distribution, for residuals in two coordinates."""
 _RAYLEIGH_MEDIAN = 1.1774100225154747
@@ -55,11 +57,6 @@ def scales_of_groups(group: NDArray[np.signedinteger[Any]], residual: NDArray[np
     median = 0.5 * (of_groups[low] + of_groups[np.minimum(high, len(length) - 1)])
     scale: NDArray[np.float64] = np.maximum(np.nan_to_num(median / _RAYLEIGH_MEDIAN), LEAST_PX)
     return scale
-
-
-def sorting(group: NDArray[np.signedinteger[Any]]) -> NDArray[np.intp]:
-    """Order of rows by their groups, numbers (n,) from 0, otherwise as they are; fast where these are small."""
-    return np.argsort(group.astype(np.min_scalar_type(int(group.max(initial=0)))), kind="stable")
 
 
 def squared(residual: NDArray[np.float64], scale: NDArray[np.float64]) -> NDArray[np.float64]:

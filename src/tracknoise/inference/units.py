@@ -16,6 +16,7 @@ with the same images are never independent.
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -201,6 +202,11 @@ class Units:
         """How many groups take part in each number, (...), with `present` as in `contributing`."""
         groups = _any(present, self.scene_group[self.scene])
         return np.asarray(groups.sum(axis=-1))
+
+
+def sorting(group: NDArray[np.signedinteger[Any]]) -> NDArray[np.intp]:
+    """Order of rows by their groups, numbers (n,) from 0, otherwise as they are; fast where these are small."""
+    return np.argsort(group.astype(np.min_scalar_type(int(group.max(initial=0)))), kind="stable")
 
 
 def by_number(number: NDArray[np.intp], values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -119,11 +119,6 @@ def _dense(values: NDArray[Any]) -> NDArray[np.intp]:
     return np.asarray(numbers, dtype=np.intp)
 
 
-def by_group(index: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """Order of the rows by group, from 0 to `count` - 1; those of a group stay in their order."""
-    return np.argsort(index.astype(np.min_scalar_type(count)), kind="stable")  # small integers are sorted by radix
-
-
 def _first_rows(index: NDArray[np.intp]) -> NDArray[np.intp]:
     """The first row of each group, (groups,)."""
     first = np.zeros(int(index.max(initial=-1)) + 1, dtype=np.intp)

@@ -11,8 +11,9 @@ import polars as pl
 from numpy.typing import NDArray
 
 from tracknoise.inference.bootstrap import scattered
+from tracknoise.inference.units import sorting
 from tracknoise.statistics.definitions import PLACE_AGES
-from tracknoise.statistics.grouping import by_group, group_runs, number_combinations
+from tracknoise.statistics.grouping import group_runs, number_combinations
 from tracknoise.statistics.prepared import POPULATIONS, PreparedSequence
 from tracknoise.tables.schema import ORIGIN, SAMPLES, typed
 
@@ -69,7 +70,7 @@ def first_tracks(samples: pl.DataFrame, count: int) -> pl.DataFrame:
     """
     (groups,) = group_runs([samples], [*ORIGIN, "age_low"])
     shuffled = np.argsort(scattered(samples["track"].to_numpy()))
-    order = shuffled[by_group(groups.index[shuffled], groups.count)]
+    order = shuffled[sorting(groups.index[shuffled])]
     sizes = np.bincount(groups.index, minlength=groups.count)
     place = np.arange(len(order)) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     first = np.zeros(len(order), dtype=np.bool_)

@@ -96,14 +96,12 @@ def require_bounds(settings: Any) -> None:
 @cache
 def _counts_of(settings_type: type) -> dict[str, int]:
     """How many values the fields have that are tuples of a fixed length."""
-    hints = get_type_hints(settings_type).items()
-    tuples = {
-        name: get_args(kind)
-        for name, hint in hints
-        for kind in (hint, *get_args(hint))
-        if get_origin(kind) is tuple and get_origin(hint) in (tuple, Union, UnionType)
-    }
-    return {name: len(kinds) for name, kinds in tuples.items() if Ellipsis not in kinds}
+    found = {}
+    for name, hint in get_type_hints(settings_type).items():
+        for kind in get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,):
+            if get_origin(kind) is tuple and Ellipsis not in get_args(kind):
+                found[name] = len(get_args(kind))
+    return found
 
 
 @cache

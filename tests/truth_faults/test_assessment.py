@@ -99,6 +99,12 @@ def test_tracks_alone_cannot_convict_a_truth_that_the_images_confirm(shown: dict
     assert found.text.startswith("Tracks contradict the truth, but the images confirm at most 10.0")
 
 
+def test_a_principal_point_that_only_imported_tracks_want_may_be_a_shift_of_these() -> None:
+    shown = {"audit": audit(named=(0.6, 0.5, 0.7)).with_columns(parameter=pl.lit("principal_point"))}
+    assert "shifted" not in verdict(**shown).step
+    assert "shifted" in verdict(**shown, confirmed_share=0.9).step
+
+
 def test_wrong_tracks_say_nothing_about_the_truth() -> None:
     shown = {"audit": audit(named=(0.6, 0.5, 0.7)), "mistakes": ["Poses are inverted."]}
     found = table(

@@ -116,15 +116,11 @@ def _cell(experiment: str, factor: str, role: str, kind: str | None, verdict: st
 
 def _claim_rises(experiment: str, factor: str, role: str, kind: str | None) -> bool | None:
     """Whether text or captions say that a statistic rises with speed. None where they say nothing."""
-    criteria = {"kind": "trend", "role": role, "tracker": kind} if factor == "speed" else {}
-    rises = [
-        entry["rises"]
-        for entry in paper.stated_claims()
-        if criteria
-        and entry["experiment"] == experiment
-        and all(entry.get(key) == value for key, value in criteria.items())
-    ]
-    return rises[0] if rises else None
+    if factor != "speed":
+        return None
+    criteria = {"kind": "trend", "experiment": experiment, "role": role, "tracker": kind}
+    trends = (entry for entry in paper.stated_claims() if all(entry.get(key) == criteria[key] for key in criteria))
+    return next((entry["rises"] for entry in trends), None)
 
 
 Point = Mapping[str, Any]

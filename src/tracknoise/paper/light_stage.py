@@ -18,7 +18,7 @@ from tracknoise.simulation.motion import looking
 from tracknoise.simulation.ray_casting import Raycaster, surface_points
 from tracknoise.simulation.render import Quality, Renderer
 from tracknoise.simulation.textures import Recipe, paint
-from tracknoise.simulation.world import Quad, World, assemble, box
+from tracknoise.simulation.world import Quad, World, assemble, box, joined
 
 _ROWS = (3, 4, 5, 4, 3)
 _PITCH_M = 0.25
@@ -110,21 +110,6 @@ def tabletop(rng: np.random.Generator) -> World:
         else:
             bottles.append(_bottle(rng, x, y, textures))
     return joined([assemble(quads, textures), *bottles])
-
-
-def joined(worlds: list[World]) -> World:
-    """Merge worlds that have the same textures."""
-    ends = np.cumsum([len(world.vertices) for world in worlds])
-    return World(
-        vertices=np.concatenate([world.vertices for world in worlds]),
-        faces=np.concatenate(
-            [world.faces + end - len(world.vertices) for world, end in zip(worlds, ends, strict=True)]
-        ),
-        corner_uv=np.concatenate([world.corner_uv for world in worlds]),
-        texture=np.concatenate([world.texture for world in worlds]),
-        textures=worlds[0].textures,
-        blocks_light=np.concatenate([world.blocks_light for world in worlds]),
-    )
 
 
 def _places(rng: np.random.Generator) -> Iterator[tuple[float, float]]:

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from tracknoise.paper.light_stage import joined, revolved, tabletop
+from tracknoise.paper.light_stage import revolved, tabletop
 from tracknoise.simulation.ray_casting import Raycaster
-from tracknoise.simulation.world import World, texture_gradients
+from tracknoise.simulation.world import World, joined, texture_gradients
 
 PLAIN = (np.full((1, 1), 0.5, np.float32),)
 FOOT = np.array([0.2, -0.1, 0.05])

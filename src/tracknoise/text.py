@@ -152,6 +152,18 @@ def _placeholder(match: re.Match[str]) -> str:
     return ("" if match[0].startswith("#") else "_") + "\n" * match[0].count("\n")
 
 
+def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Every setting with its dotted name. A table in a list has its position: ``views[1].rotation``."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from dotted(inner, f"{key}.{name}".lstrip("."))
+    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+        for position, inner in enumerate(value):
+            yield from dotted(inner, f"{key}[{position}]")
+    else:
+        yield key, value
+
+
 def browser_json(value: object) -> str:
     """JSON that every browser reads: numbers that are not finite are null."""
     return json.dumps(_with_null(value), separators=(",", ":"), ensure_ascii=False, allow_nan=False)

@@ -22,7 +22,7 @@ from tracknoise.analysis.scene_values import NUMBERS, RunValues, differences_of,
 from tracknoise.checks import path_of, require, require_within
 from tracknoise.exceptions import SettingsError, UnknownNameError
 from tracknoise.experiments.resume import LIBRARIES
-from tracknoise.experiments.settings import OF_NO_RESULT, dotted
+from tracknoise.experiments.settings import OF_NO_RESULT
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.paired_differences import Differences
 from tracknoise.measurement.reference_tracks import KINDS
@@ -36,6 +36,7 @@ from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import REFINED, Manifest, joined_fit
 from tracknoise.tables.store import RunFolder, schema_of
 from tracknoise.tables.trust import TruthVerdict
+from tracknoise.text import dotted
 from tracknoise.topics.catalogue import ESTIMANDS
 from tracknoise.words import pixels
 

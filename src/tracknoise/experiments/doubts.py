@@ -109,14 +109,12 @@ def doubts_of_parts(sequence: Sequence, parts: Items[tuple[range, Doubts]]) -> D
     """
     if (views := view_changes(sequence)) is not None:
         return Doubts((views.text,))
-    items = _of_poses(sequence)
-    of_poses = [item.text for item in items if item.severity is Severity.fatal]
-    cautions = [item.text for item in items if item.severity is Severity.caveat]
+    of_poses = _split(_of_poses(sequence))
     wrong = [(frames, of_part.mistakes) for frames, of_part in parts if of_part.mistakes]
     reported = [f"Frames {frames[0]} to {frames[-1]}: {texts[0]}" for frames, texts in wrong]
     if reported and 2 * len(wrong) >= len(parts):
-        return Doubts((*of_poses, reported[0]), tuple(cautions))
-    return Doubts(tuple(of_poses), (*cautions, *reported[:1]))
+        return Doubts((*of_poses.mistakes, reported[0]), of_poses.cautions)
+    return Doubts(of_poses.mistakes, (*of_poses.cautions, *reported[:1]))
 
 
 def _of_repeated(sequence: Sequence, observed: pl.DataFrame) -> list[Item]:

@@ -130,11 +130,8 @@ def geometry_tables(
 ) -> dict[str, pl.DataFrame]:
     """Poses, cameras, samples for the audit, pose errors, noise of windows, and the map of the image, by name."""
     of_images = [choice.label for choice in experiment.trackers if choice.kind not in SYNTHETIC]
-    geometry, camera, beside_it = (
-        frame_geometry(sequence, n_frames),
-        sequence.camera,
-        of_second_camera(prepared.observations),
-    )
+    geometry, camera = frame_geometry(sequence, n_frames), sequence.camera
+    beside_it = of_second_camera(prepared.observations)
     labels = [choice.label for choice in experiment.trackers]
     first = prepared.of_trackers([label for label in labels if label not in beside_it]) if beside_it else prepared
     tables = _of_errors(first, geometry, experiment.truth.population, truth)

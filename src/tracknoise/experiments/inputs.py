@@ -14,7 +14,7 @@ import tempfile
 from collections.abc import Iterable, Iterator
 from collections.abc import Sequence as Items
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from tracknoise.plugins import CODE, Plugins
 from tracknoise.sequences.reader_registry import READERS
 from tracknoise.sequences.sequence import Sequence, files_of
 from tracknoise.tables.enumerations import InputKind
-from tracknoise.tables.identity import Direction, SequenceId
+from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import INPUTS
 from tracknoise.tables.store import RunFolder
@@ -109,7 +109,7 @@ def input_tables(batch: list[Task], recorder: InputRecorder, sequences: Items[Se
     rows += [_row(InputKind.code, name, None, content=content) for name, content in _sources(experiment)]
     return [
         pl.DataFrame(
-            [*rows, _row(InputKind.frames, Path(), None, size=recorder.frames.get(_as_recorded(task), 0))],
+            [*rows, _row(InputKind.frames, Path(), None, size=recorder.frames.get(task.recorded, 0))],
             schema=dict(INPUTS),
             orient="row",
         ).sort("kind", "in_data", "path")
@@ -186,7 +186,7 @@ class InputCheck:
         if added:
             return f"{added[0]} was added{_further(len(added) - 1)}"
         before = table.filter(pl.col("kind") == InputKind.frames)["size"].item()
-        frames = reads.frames.get(_as_recorded(task), 0)
+        frames = reads.frames.get(task.recorded, 0)
         return None if frames == before else f"it has {counted(frames, 'frame')}, not {before}"
 
     def _sources_of(self, task: Task) -> list[tuple[Path, str]]:
@@ -283,11 +283,6 @@ def _expanded(batch: list[Task], paths: Iterable[Path | PathTemplate]) -> Iterat
 def _root(task: Task) -> Path | None:
     root = task.experiment.dataset.root
     return None if root is None else absolute_path(root)
-
-
-def _as_recorded(task: Task) -> SequenceId:
-    """The sequence of a task as its reader names it."""
-    return replace(task.sequence, rotation=0, direction=Direction.forward)
 
 
 def _plugins(experiment: Experiment) -> Iterator[tuple[Plugins[Any], str]]:

@@ -46,7 +46,7 @@ def film(measurement: "Measurement") -> pl.DataFrame:
     rows: list[tuple[int, bytes]] = []
     size = 0
     for frame in range(min(measurement.n_frames, _MOST_FRAMES)):
-        image = encode_jpeg(reduced(_image(measurement, frame), _WIDEST_PX), quality=_FILM_QUALITY)
+        image = encode_jpeg(reduced(measurement.image(frame), _WIDEST_PX), quality=_FILM_QUALITY)
         size += len(image)
         if size > _MOST_BYTES:
             break
@@ -87,15 +87,9 @@ def _cut(measurement: "Measurement", chosen: Sequence[_Chosen]) -> Mapping[tuple
     wanted = pl.concat(tables).drop_nulls().unique().sort("frame")
     patches = {}
     for (frame,), rows in wanted.group_by("frame", maintain_order=True):
-        image = _image(measurement, frame)
+        image = measurement.image(frame)
         patches.update({(frame, u, v): _patch(image, u, v) for _, u, v in rows.iter_rows()})
     return patches
-
-
-def _image(measurement: "Measurement", frame: Any) -> NDArray[np.uint8]:
-    """An image that was kept while tracking, or is read again."""
-    kept = measurement.images.get(frame)
-    return measurement.sequence.image(frame) if kept is None else kept
 
 
 def _patch(image: NDArray[np.uint8], u: float, v: float) -> Patch:

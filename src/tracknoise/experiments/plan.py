@@ -37,6 +37,11 @@ class Task:
         return self.sequence.key
 
     @property
+    def recorded(self) -> SequenceId:
+        """The sequence as its reader names it: upright and forward."""
+        return replace(self.sequence, rotation=0, direction=Direction.forward)
+
+    @property
     def frames(self) -> range | None:
         """Frames of the part to measure; None for all."""
         return None if self.part is None else self.parts[self.part]
@@ -118,8 +123,7 @@ def open_batch(
     """Open the sequences of a batch, as the experiment wants to see them."""
     experiment = tasks[0].experiment
     dataset = experiment.dataset
-    recorded = [replace(task.sequence, rotation=0, direction=Direction.forward) for task in tasks]
-    once = list(dict.fromkeys(recorded))
+    once = list(dict.fromkeys(task.recorded for task in tasks))
     sequences = [change(sequence) for sequence in open_together(_reader(dataset), once)]
     if experiment.truth.depth == "stereo":
         sequences = [with_stereo_depth(sequence) for sequence in sequences]
@@ -127,14 +131,14 @@ def open_batch(
     opened = {name: corrected(sequence, corrections) for name, sequence in zip(once, sequences, strict=True)}
     return [
         view(
-            opened[name],
+            opened[task.recorded],
             frames=dataset.frames,
             n_frames=dataset.max_frames,
             direction=task.sequence.direction,
             rotation=task.sequence.rotation,
             part=task.frames,
         )
-        for name, task in zip(recorded, tasks, strict=True)
+        for task in tasks
     ]
 
 
@@ -146,8 +150,7 @@ def planned(experiment: Experiment) -> Reader:
     TracknoiseError
         As `plan`.
     """
-    tasks = {replace(task.sequence, rotation=0, direction=Direction.forward): task for task in plan(experiment)}
-    of_sequences = {name: replace(task, sequence=name) for name, task in tasks.items()}
+    of_sequences = {task.recorded: replace(task, sequence=task.recorded) for task in plan(experiment)}
     return cast(Reader, _Planned(_reader(experiment.dataset).name, of_sequences))  # whose name is not that of a class
 
 

@@ -9,12 +9,13 @@ from tracknoise.exceptions import SettingsError, StoreError
 from tracknoise.experiments.inputs import InputCheck
 from tracknoise.experiments.load import with_tracker_defaults
 from tracknoise.experiments.plan import Task
-from tracknoise.experiments.settings import Experiment, dotted, parse_experiment
+from tracknoise.experiments.settings import Experiment, parse_experiment
 from tracknoise.sequences.reader_registry import READERS
 from tracknoise.tables.files import digest
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import Manifest
 from tracknoise.tables.store import RunFolder
+from tracknoise.text import dotted
 from tracknoise.trackers.tracker_registry import TRACKERS
 from tracknoise.truth.truth_registry import TRUTHS
 

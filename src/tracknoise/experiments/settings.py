@@ -4,7 +4,6 @@ import ast
 import hashlib
 import inspect
 import json
-from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -36,7 +35,7 @@ from tracknoise.sequences.timed_poses import PosesOf
 from tracknoise.tables import defaults
 from tracknoise.tables.enumerations import Population, TrimAmong, Trimming
 from tracknoise.tables.identity import Direction, SequenceId
-from tracknoise.text import counted, is_printable, parse_toml
+from tracknoise.text import counted, dotted, is_printable, parse_toml
 from tracknoise.trackers.tracker_registry import is_preset, load_preset, preset_names
 from tracknoise.truth.accuracies import AccuracyRule
 from tracknoise.truth.scan import ScanAnchoring
@@ -522,18 +521,6 @@ def parse_experiment(text: str, *, place: str) -> Experiment:
 def _choice(name: str) -> TrackerChoice:
     """A tracker by the name of its preset or kind, with default options."""
     return TrackerChoice.model_validate({"preset" if is_preset(name) else "kind": name})
-
-
-def dotted(value: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Every setting with its dotted name."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from dotted(inner, f"{key}.{name}".lstrip("."))
-    elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-        for position, inner in enumerate(value):
-            yield from dotted(inner, f"{key}[{position}]")
-    else:
-        yield key, value
 
 
 class _Described(GenerateJsonSchema):

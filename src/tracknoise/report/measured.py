@@ -15,6 +15,7 @@ from tracknoise.tables.enumerations import Trimming
 from tracknoise.tables.identity import readable
 from tracknoise.tables.manifest import SequenceEntry
 from tracknoise.tables.schema import TrackEnd, TruthStatus
+from tracknoise.text import dotted
 from tracknoise.topics.bands import FRAME
 from tracknoise.topics.run_data import MOST_CONDITIONS
 from tracknoise.topics.sentences import MOST_NAMED, by_statement, together
@@ -104,7 +105,7 @@ def trackers(data: ReportData) -> Cells:
 def settings(data: ReportData) -> Cells:
     """Every other setting of the experiment, by its key."""
     plain = {key: data.shown(value) for key, value in data.settings.items() if key != "trackers"}
-    rows = [{"key": key, "value": value} for key, value in _flattened(plain)]
+    rows = [{"key": key, "value": _value(value)} for key, value in dotted(plain)]
     table = pl.DataFrame(rows, schema={"key": pl.String, "value": pl.String})
     return cells(table, {"key": "setting", "value": "value"}, "Settings")
 
@@ -296,22 +297,8 @@ def _with_share(n: pl.Expr, total: pl.Expr) -> pl.Expr:
     return pl.struct(n=n, total=total).map_elements(written, return_dtype=pl.String)
 
 
-def _flattened(settings: Mapping[str, Any], prefix: str = "") -> list[tuple[str, str]]:
-    """Settings by their full keys. A table in a list of tables has its position: ``views[1].rotation``."""
-    rows = []
-    for key, value in settings.items():
-        name = prefix + key
-        if isinstance(value, dict):
-            rows += _flattened(value, f"{name}.")
-        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
-            rows += [row for place, item in enumerate(value) for row in _flattened(item, f"{name}[{place}].")]
-        else:
-            rows.append((name, _value(value)))
-    return rows
-
-
 def _written(options: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} = {value}" for key, value in _flattened(options))
+    return ", ".join(f"{key} = {_value(value)}" for key, value in dotted(options))
 
 
 def _value(value: object) -> str:

@@ -88,12 +88,8 @@ class AnswerPlot:
             f"{', '.join(curve.tracker for curve in self.curves)}."
         )
 
-    def plot(self) -> Markup:
+    def plot(self, colours: Mapping[str, str] = _PAGE) -> Markup:
         """The curves, as a part of a page. Of the dots, those of the windows of the title are seen."""
-        return self.drawn(_PAGE)
-
-    def drawn(self, colours: Mapping[str, str]) -> Markup:
-        """The same in colours of their own."""
         return _plot(self, colours)
 
     def titled(self, setting: NoiseToSet, name: str) -> "AnswerPlot":

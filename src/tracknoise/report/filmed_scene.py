@@ -38,7 +38,7 @@ def _film(data: ReportData, key: str, entry: SequenceEntry, images: pl.DataFrame
     filmed = pl.col("frame") < images.height, pl.col("speed") == data.slowest
     seen = of_first_camera(data.run.rows("observations", key, *filmed))
     size = (pl.col("du_px") ** 2 + pl.col("dv_px") ** 2).sqrt().alias("size")
-    errors = seen.select("frame", size).filter(pl.col("size").is_not_null(), pl.col("frame") < images.height)
+    errors = seen.select("frame", size).drop_nulls("size")
     start = _first_visible(errors, images.height)
     return {
         "scene": entry.sequence.scene,

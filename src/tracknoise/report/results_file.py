@@ -3,7 +3,6 @@
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -132,11 +131,6 @@ class Results:
     format: int = FORMAT
 
 
-@cache
-def _adapter() -> TypeAdapter[Results]:
-    return TypeAdapter(Results)
-
-
 def read_results(path: Path) -> Results:
     """Read a file of results.
 
@@ -147,7 +141,7 @@ def read_results(path: Path) -> Results:
     """
     text = read_text(path, "a file of results", most=_MOST_BYTES)
     try:
-        found = _adapter().validate_json(text)
+        found = TypeAdapter(Results).validate_json(text)
     except (ValidationError, ValueError) as error:
         raise SettingsError(f"{path}: damaged ({_first_line(error)}), expected a file of results") from error
     if found.format != FORMAT:

@@ -56,7 +56,7 @@ def _curves(shown: AnswerPlot, strip: Strip | None) -> Iterator[Markup]:
         y = 192 + 40 * place
         yield Markup('<circle cx="868" cy="{y}" r="7" fill="{colour}"/>').format(y=y, colour=curve.colour)
         yield _text(886, y + 8, 24, shortened(printable(curve.tracker), 26))
-    yield _nested(shown.drawn(_PAPER), x=24, y=150, scale=1.4)
+    yield _nested(shown.plot(_PAPER), x=24, y=150, scale=1.4)
     if strip is not None:
         yield _nested(strip.tiles(), x=48, y=494, scale=1.1)
         yield _text(48, 594, 18, strip.caption)

@@ -25,18 +25,26 @@ class Strip:
     png
         Tiles side by side, grey.
     marks
-        For each tile the observed and the true position in it, as shares of its side; the true one is None if unknown.
+        For each tile the true position in it, as shares of its side; None if it is unknown. The observed one is that of
+        the middle pixel, to half a pixel.
     caption
         What is seen.
     """
 
     png: bytes
-    marks: tuple[tuple[tuple[float, float], tuple[float, float] | None], ...]
+    marks: tuple[tuple[float, float] | None, ...]
     caption: str
 
     def tiles(self) -> Markup:
         """The frames, as a part of a page."""
-        return _tiles(self)
+        width = len(self.marks) * _TILE
+        marks = Markup("").join(_mark(place * _TILE, true) for place, true in enumerate(self.marks))
+        png = base64.b64encode(self.png).decode()
+        return Markup(
+            '<svg class="tiles" role="img" aria-label="{caption}" viewBox="0 0 {width} {tile}" width="{width}">'
+            '<image href="data:image/png;base64,{png}" width="{width}" height="{tile}" image-rendering="pixelated" '
+            'preserveAspectRatio="none"/>{marks}</svg>'
+        ).format(caption=self.caption, width=width, tile=_TILE, png=png, marks=marks)
 
 
 def worst_track(seen: Mapping[str, Any], tracker: str) -> Strip | None:
@@ -61,7 +69,8 @@ def worst_track(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     path = dict(
         zip(track["path"]["frame"], zip(track["path"]["du_px"], track["path"]["dv_px"], strict=True), strict=True)
     )
-    marks = tuple(_marked(side, path.get(frames[place])) for place in chosen)
+    errors = (path.get(frames[place]) for place in chosen)
+    marks = tuple(None if error is None else (0.5 - error[0] / side, 0.5 - error[1] / side) for error in errors)
     size = float(np.hypot(*track["error"]))
     frames_on = track["frame"] - track["anchor_frame"]
     caption = f"Worst track of {tracker}: {px(size)} off after {counted(frames_on, 'frame')}."
@@ -70,28 +79,9 @@ def worst_track(seen: Mapping[str, Any], tracker: str) -> Strip | None:
     return Strip(buffer.getvalue(), marks, caption)
 
 
-def _marked(side: int, error: tuple[float, float] | None) -> tuple[tuple[float, float], tuple[float, float] | None]:
-    """The observed position is that of the middle pixel, to half a pixel."""
-    middle = 0.5
-    if error is None:
-        return (middle, middle), None
-    return (middle, middle), (middle - error[0] / side, middle - error[1] / side)
-
-
-def _tiles(strip: Strip) -> Markup:
-    n = len(strip.marks)
-    width = n * _TILE
-    marks = Markup("").join(_mark(place * _TILE, *pair) for place, pair in enumerate(strip.marks))
-    return Markup(
-        '<svg class="tiles" role="img" aria-label="{caption}" viewBox="0 0 {width} {tile}" width="{width}">'
-        '<image href="data:image/png;base64,{png}" width="{width}" height="{tile}" image-rendering="pixelated" '
-        'preserveAspectRatio="none"/>{marks}</svg>'
-    ).format(caption=strip.caption, width=width, tile=_TILE, png=base64.b64encode(strip.png).decode(), marks=marks)
-
-
-def _mark(left: float, observed: tuple[float, float], true: tuple[float, float] | None) -> Markup:
+def _mark(left: float, true: tuple[float, float] | None) -> Markup:
     """A cross and a circle, white on dark so that they are seen on any image."""
-    x, y = left + observed[0] * _TILE, observed[1] * _TILE
+    x, y = left + _TILE / 2, _TILE / 2
     shapes = Markup('<path d="M{a:.1f},{y:.1f}h12M{x:.1f},{b:.1f}v12"/>').format(a=x - 6, x=x, y=y, b=y - 6)
     if true is not None:
         shapes += _true_mark(left, x, y, left + true[0] * _TILE, true[1] * _TILE)

@@ -9,7 +9,7 @@ import json
 import re
 import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
@@ -49,21 +49,26 @@ _PROPERTIES = re.compile(
 
 def specification(figure: Figure) -> dict[str, Any]:
     """Vega-Lite specification of a figure, with the style of the report."""
-    spec: dict[str, Any] = _shown({**figure.spec, "description": f"{figure.title}. {figure.shows}"})
-    return {**spec, "config": style.config()}
+    spec = {**figure.spec, "description": f"{figure.title}. {figure.shows}"}
+    return {**_with_texts(spec, _drawable), "config": style.config()}
 
 
-def _shown(value: Any) -> Any:
-    """A part of a specification with names that can be drawn.
+def _with_texts(part: Any, change: Callable[[str], str]) -> Any:
+    """A part of a specification with all of its texts changed."""
+    if isinstance(part, str):
+        return change(part)
+    if isinstance(part, dict):
+        return {key: _with_texts(inner, change) for key, inner in part.items()}
+    return [_with_texts(inner, change) for inner in part] if isinstance(part, list | tuple) else part
+
+
+def _drawable(text: str) -> str:
+    """A text, such as a name, that can be drawn.
 
     No SVG can hold control characters. Vega groups data by name in objects of JavaScript, so a name must not be one of
     the properties that every object has: an invisible sign makes it another.
     """
-    if isinstance(value, str):
-        return _PROPERTIES.sub(lambda match: f"{match[0][0]}\u2060{match[0][1:]}", printable(value, keep="\n"))
-    if isinstance(value, dict):
-        return {key: _shown(part) for key, part in value.items()}
-    return [_shown(part) for part in value] if isinstance(value, list | tuple) else value
+    return _PROPERTIES.sub(lambda match: f"{match[0][0]}\u2060{match[0][1:]}", printable(text, keep="\n"))
 
 
 _THEMED = {
@@ -82,17 +87,8 @@ _THEMED = {
 
 def themed(spec: Mapping[str, Any]) -> Any:
     """A specification with the colours of the page, which follow the colour scheme of the reader."""
-    return _with_colours({name: part for name, part in spec.items() if name != "datasets"}) | {
-        "datasets": spec["datasets"]
-    }
-
-
-def _with_colours(value: Any) -> Any:
-    if isinstance(value, str):
-        return _THEMED.get(value, value)
-    if isinstance(value, dict):
-        return {key: _with_colours(part) for key, part in value.items()}
-    return [_with_colours(part) for part in value] if isinstance(value, list | tuple) else value
+    drawn = {name: part for name, part in spec.items() if name != "datasets"}
+    return _with_texts(drawn, lambda text: _THEMED.get(text, text)) | {"datasets": spec["datasets"]}
 
 
 _AROUND_PANEL, _TITLE, _LEGEND, _SPACING, _UNIT = 44, 22, 26, 14, 200

@@ -181,21 +181,21 @@ def _scene(data: ReportData, entry: SequenceEntry, png: bytes) -> Scene:
     fixed = pl.col("age") == 0 if entry.key_frame is None else pl.col("frame") == entry.key_frame
     snapshot = observed.filter(pl.col("frame") == entry.snapshot_frame, ~fixed).drop_nulls("du_px")
     snapshot = snapshot.with_columns(error_px=error).sort("tracker", "track")
-    features = pl.concat(
-        [snapshot.clear(), *(_example_frame_spread(snapshot.filter(tracker=name)) for name in data.trackers)]
-    )
+    features = pl.concat([snapshot.clear(), *(_some_features(snapshot.filter(tracker=name)) for name in data.trackers)])
     columns = ["tracker", "track", "frame", "u_px", "v_px"]
     trails = observed.select(columns).join(features.select("tracker", "track"), on=["tracker", "track"], how="semi")
     times = magnification(features["error_px"], entry.width)
     return Scene(entry, png, features, trails.sort(columns[:3]), times, 0.1 * entry.width / times)
 
 
-def _example_frame_spread(features: pl.DataFrame) -> pl.DataFrame:
+def _some_features(features: pl.DataFrame) -> pl.DataFrame:
     """At most `MOST_FEATURES` rows, evenly spaced in the table."""
-    if features.height <= MOST_FEATURES:
-        return features
-    chosen = np.linspace(0, features.height - 1, MOST_FEATURES).round().astype(np.int64)
-    return features.select(pl.all().gather(chosen))
+    return features.select(pl.all().gather(_spread(features.height, MOST_FEATURES)))
+
+
+def _spread(n: int, most: int) -> NDArray[np.intp]:
+    """At most `most` of n places, evenly spaced, including the first and the last."""
+    return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 
 def magnification(errors: pl.Series, width: int) -> int:
@@ -530,7 +530,7 @@ def _sentence(path: Path) -> str:
 
 
 def _row(path: Path) -> list[Panel]:
-    shown = _trajectory_spread(len(path.frame), _POINTS)
+    shown = _spread(len(path.frame), _POINTS)
     moved = _along(path.frame[shown], path.places_m[shown] - path.places_m[0], "moved", "m")
     turned = _along(path.frame[shown], path.turns_deg[shown], "rotated", "°")
     legend = (marks.shown("axis", _TRAJECTORY_COLOURS),)
@@ -572,7 +572,7 @@ def _top_view(path: Path, shown: NDArray[np.intp]) -> Chart:
         alt.Y("y:Q", title=f"{names[1]} (m)", scale=scales[1]),
     )
     line = alt.Chart(_table(path.frame[shown], path.places_m[shown][:, widest])).mark_line(color=style.PALETTE[0])
-    few = _trajectory_spread(len(path.frame), _HEADINGS)
+    few = _spread(len(path.frame), _HEADINGS)
     places, ahead = path.places_m[few][:, widest], 0.1 * spans[0] * path.forwards[few][:, widest]
     strokes = alt.Chart(_table(path.frame[few], places, places + ahead)).mark_rule(color=style.PALETTE[1], clip=True)
     start = alt.Chart(_table(path.frame[:1], path.places_m[:1][:, widest])).mark_point(
@@ -599,11 +599,6 @@ def _table(
     if ahead is not None:
         columns |= {"x_ahead": ahead[:, 0], "y_ahead": ahead[:, 1]}
     return marks.rows(pl.DataFrame(columns), digits=6)
-
-
-def _trajectory_spread(n: int, most: int) -> NDArray[np.intp]:
-    """At most `most` of n places, evenly spaced, including the first and the last."""
-    return np.linspace(0, n - 1, min(n, most)).round().astype(np.intp)
 
 
 FIGURES: Sections = {

@@ -152,7 +152,7 @@ def _drawn(cells: pl.DataFrame, unit_px: float) -> pl.DataFrame:
 
 
 _NAME, _TITLE = "error-by-image-speed", "Error along the image motion, by its speed"
-_TICKS = alt.Axis(values=[step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)], format="~g")
+_DECADES = [step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)]
 _IMAGE_SPEED_GUIDE = (
     "An error along the motion that grows in proportion to the speed has several possible causes. A wrong focal "
     "length, or a wrong scale of depths or poses, makes the true motion too long or too short; the error then grows "
@@ -209,7 +209,8 @@ def _image_speed_panel(data: ReportData, points: pl.DataFrame, at: int, coordina
     )
     title = f"{_DIRECTIONS[coordinate]}, {data.axis.place(data.since_zero(at))}"
     speeds = alt.Scale(type="log", domain=_range(points), nice=False)
-    x = alt.X("at:Q", title="speed of the image (px per frame)", scale=speeds, axis=_TICKS)
+    ticks = alt.Axis(values=_DECADES, format="~g")
+    x = alt.X("at:Q", title="speed of the image (px per frame)", scale=speeds, axis=ticks)
     at_age = points.filter(at=at)
     domain = marks.holding(at_age["mean_px"], pl.concat([at_age["low"], at_age["high"]]))
     y = alt.Y(
@@ -238,7 +239,6 @@ _PROPERTIES = {
 }
 _ROWS = {"mean": "mean error (px)", "second": "RMS error (px)"}
 _COORDINATES = {"u": "u", "v": "v", "along": "along the motion"}
-_DECADES = [step * 10.0**power for power in range(-4, 4) for step in (1, 2, 5)]
 _SIDES = {EdgeSide.far: "On the far side", EdgeSide.near: "On the near side", EdgeSide.none: "Elsewhere"}
 _SURROUNDING_FEWEST = 20
 """Classes with fewer errors than this are left out."""

@@ -399,16 +399,7 @@ def _entered(data: ReportData) -> pl.DataFrame:
 
 
 def _outlier_ratios_by_speed(data: ReportData, table: pl.DataFrame) -> Figure:
-    panels = [
-        _outlier_ratio_panel(
-            data,
-            table.filter(tracker=tracker).with_columns(pl.col("speed").cast(pl.String)),
-            "speed",
-            data.speed_colours(tracker),
-            tracker,
-        )
-        for tracker in data.trackers
-    ]
+    panels = [_outlier_ratio_panel(data, table.filter(tracker=tracker), tracker) for tracker in data.trackers]
     return Figure(
         id="outlier-ratio",
         title=_OUTLIER_RATIO_TITLE,
@@ -472,11 +463,11 @@ def _range(tracker: str, table: pl.DataFrame) -> str:
     return f"{tracker} rejected between {ends[0]} and {ends[1]}"
 
 
-def _outlier_ratio_panel(
-    data: ReportData, table: pl.DataFrame, field: str, colours: Mapping[str, str], tracker: str
-) -> Panel:
-    width = 780 // min(3, max(2, len(data.trackers)))
-    chart = box_plot(table, field=field, colours=colours, y=_ratio(data), width=width, height=230, interval=_INTERVAL)
+def _outlier_ratio_panel(data: ReportData, table: pl.DataFrame, tracker: str) -> Panel:
+    """A box for each speed of a tracker."""
+    boxes = table.with_columns(pl.col("speed").cast(pl.String))
+    width, hues = 780 // min(3, max(2, len(data.trackers))), data.speed_colours(tracker)
+    chart = box_plot(boxes, field="speed", colours=hues, y=_ratio(data), width=width, height=230, interval=_INTERVAL)
     return Panel(chart.properties(title=alt.Title(tracker, color=data.colour[tracker])))
 
 

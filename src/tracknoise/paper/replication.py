@@ -125,11 +125,12 @@ def write_replication(folder: Path, replicated: Sequence[Replicated]) -> Path:
     """
     parts = {item.experiment: _part(item) for item in replicated if item.run}
     stated, of_tables = judged_claims(replicated), judged_cells(replicated)
-    shown: dict[str, Any] = {"paper": paper, "parts": parts, "claims": _claims(stated, of_tables)}
     chapters = [_chapter(item, parts.get(item.experiment), folder, [stated, of_tables]) for item in replicated]
     total = {name: sum(chapter["tally"].get(name, 0) for chapter in chapters) for name in paper.AGREEMENTS}
-    index = template("replication.html.j2").render(ran=_ran(replicated, parts), chapters=chapters, total=total, **shown)
-    differences = template("differences.html.j2").render(departures=departures(list(parts.values())), **shown)
+    index = template("replication.html.j2").render(
+        ran=_ran(replicated, parts), chapters=chapters, total=total, claims=_claims(stated, of_tables)
+    )
+    differences = template("differences.html.j2").render(departures=departures(list(parts.values())))
     drawn = {paper.title(item.experiment): item.data for item in replicated if item.run}
     write_figures(folder, drawn, claim_verdicts.READINGS)
     write_atomically(folder / "claims.csv", claim_verdicts.to_csv([*stated, *of_tables]).encode())

@@ -9,14 +9,7 @@ class Board {
       }
     });
     for (const button of document.querySelectorAll("[data-table]")) {
-      button.addEventListener("click", async () => {
-        try {
-          await copy(this[button.dataset.table]());
-          button.textContent = "Copied";
-        } catch (error) {
-          button.textContent = `Not copied: ${error.message}`;
-        }
-      });
+      button.addEventListener("click", () => copyAndSay(button, this[button.dataset.table]()));
     }
   }
 

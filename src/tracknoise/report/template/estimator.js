@@ -25,48 +25,45 @@ async function copy(text) {
   }
 }
 
-/** An element with text. */
-function written(name, text, kind = "") {
-  const made = document.createElement(name);
-  made.className = kind;
-  made.textContent = text;
-  return made;
+/** Copy text, and say on a button whether that succeeded. */
+async function copyAndSay(button, text) {
+  try {
+    await copy(text);
+    button.textContent = "Copied";
+    return true;
+  } catch (error) {
+    button.textContent = `Not copied: ${error.message}`;
+    return false;
+  }
 }
 
 /** A button that copies text, and says so. */
 function copyButton(name, text) {
-  const button = written("button", "Copy", "copy");
+  const button = element("button", "copy", "Copy");
   button.type = "button";
   button.setAttribute("aria-label", `Copy ${name}`);
-  button.addEventListener("click", async () => {
-    try {
-      await copy(text);
-      button.textContent = "Copied";
-    } catch (error) {
-      button.textContent = `Not copied: ${error.message}`;
-    }
-  });
+  button.addEventListener("click", () => copyAndSay(button, text));
   return button;
 }
 
 /** Text to copy, under its name. */
 function exportedFile(name, text) {
-  const made = written("div", "", "exported");
-  const heading = written("p", "", "file");
-  heading.append(written("strong", name), " ", copyButton(name, text));
+  const made = element("div", "exported");
+  const heading = element("p", "file");
+  heading.append(element("strong", "", name), " ", copyButton(name, text));
   const code = document.createElement("pre");
   code.tabIndex = 0;
   code.setAttribute("role", "region");
   code.setAttribute("aria-label", name);
-  code.append(written("code", text));
+  code.append(element("code", "", text));
   made.append(heading, code);
   return made;
 }
 
 /** An element with text in which parts between backticks are code. */
 function marked(name, text, kind = "") {
-  const made = written(name, "", kind);
-  made.append(...text.split("`").map((part, place) => (place % 2 ? written("code", part) : part)));
+  const made = element(name, kind);
+  made.append(...text.split("`").map((part, place) => (place % 2 ? element("code", "", part) : part)));
   return made;
 }
 
@@ -86,7 +83,7 @@ async function showExport(form) {
   try {
     unpacked ??= await unpack();
   } catch (error) {
-    place.replaceChildren(written("p", `The exports could not be read: ${error.message}. Use tracknoise export.`, "absent"));
+    place.replaceChildren(element("p", "absent", `The exports could not be read: ${error.message}. Use tracknoise export.`));
     return;
   }
   const found = unpacked.files[form.tracker.value][form.estimator.value];
@@ -172,7 +169,7 @@ class Chooser {
       const most = cell.querySelector(".most");
       const inBoard = Boolean(row.closest(".board"));
       const ends = inBoard && interval ? `[${interval}]` : interval;
-      cell.replaceChildren(written("b", sigma || (inBoard ? why : "")), " ", most ?? written("span", ends, "ends"));
+      cell.replaceChildren(element("b", "", sigma || (inBoard ? why : "")), " ", most ?? element("span", "ends", ends));
       cell.dataset.key = Number.parseFloat(sigma);
       row.querySelector(".limit")?.replaceChildren(limit);
       row.querySelector(".innovations")?.replaceChildren(innovations);
@@ -219,12 +216,8 @@ class Chooser {
     const name = this.form.estimator.value;
     const [file, text] = unpacked.files[button.dataset.copy][name].files[0];
     const command = `tracknoise export ${unpacked.paths[button.dataset.copy]} --to ${name} --window ${this.form.window.value}`;
-    try {
-      await copy(this.isShipped ? text : command);
-      button.textContent = "Copied";
+    if (await copyAndSay(button, this.isShipped ? text : command)) {
       button.title = this.isShipped ? file : command;
-    } catch (error) {
-      button.textContent = `Not copied: ${error.message}`;
     }
   }
 }

@@ -3,7 +3,7 @@ const defined = new RegExp(`\\b(${Object.keys(glossary).sort((a, b) => b.length 
 
 /** A word that shows its definition where a reader points at it, taps it, or comes to it by the keyboard. */
 function term(word) {
-  const made = written("span", word, "term");
+  const made = element("span", "term", word);
   const definition = Object.entries(glossary).find(([name]) => name.toLowerCase() === word.toLowerCase())[1];
   made.tabIndex = 0;
   made.dataset.definition = definition;

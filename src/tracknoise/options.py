@@ -153,11 +153,7 @@ def as_toml_values(settings: Mapping[str, object]) -> dict[str, Any]:
 
 
 def change_paths(
-    settings_type: type,
-    options: Mapping[str, object],
-    change: Callable[[Path | PathTemplate], str],
-    *,
-    from_data: Callable[[Path], str] = str,
+    settings_type: type, options: Mapping[str, object], change: Callable[[Path | PathTemplate], str]
 ) -> dict[str, object]:
     """Return options with every path replaced. Paths are found from the types of the fields.
 
@@ -169,11 +165,9 @@ def change_paths(
     options
         Values of its fields, as a file has them. Unknown names and wrong types are left as they are.
     change
-        Called for each path, except those of the type `DataPath`.
-    from_data
-        Called for each path of that type; by default, it stays as it is.
+        Called for each path, except those of the type `DataPath`, which stay as they are.
     """
-    changed = _changed(settings_type, options, change, from_data)
+    changed = _changed(settings_type, options, change, str)
     assert isinstance(changed, dict)
     return changed
 

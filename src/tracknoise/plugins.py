@@ -129,7 +129,7 @@ class Plugins(Generic[T]):
 
     def versions(self, name: str) -> dict[str, str]:
         """Name and version of the other package that offers a name; empty if this package does."""
-        point = None if name in self.built_in else self._entry_point(name)
+        point = self._entry_point(name)
         return {} if point is None or point.dist is None else {point.dist.name: point.dist.version}
 
     def sources(self, name: str) -> dict[Path, dict[Path, str | None]]:
@@ -144,7 +144,7 @@ class Plugins(Generic[T]):
         SettingsError
             If it cannot be imported, or a file has changed since it was loaded.
         """
-        point = None if name in self.built_in else self._entry_point(name)
+        point = self._entry_point(name)
         if point is None:
             return {}
         self._load_entry_point(point)
@@ -152,6 +152,9 @@ class Plugins(Generic[T]):
         return {folder: {path: _as_loaded(path) for path in paths}}
 
     def _entry_point(self, name: str) -> EntryPoint | None:
+        """Where another package offers a name; None if this package does, or none."""
+        if name in self.built_in:
+            return None
         return next((point for point in entry_points(group=self.group) if point.name == name), None)
 
     def _load_entry_point(self, point: EntryPoint) -> type[T]:

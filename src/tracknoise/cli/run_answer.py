@@ -37,9 +37,7 @@ def answer_lines(data: ReportData, most: int, *, is_ranked: bool = False) -> lis
         Whether a leaderboard said what to set, and which tracker is better.
     """
     trust = _flat(map(wrapped, _trust(data)))
-    if data.truth.are_tracks_wrong:
-        return trust
-    if is_ranked:
+    if data.truth.are_tracks_wrong or is_ranked:
         return trust
     better = wrapped(_better(data))
     told = [wrapped(text) for text in sentences_to_set(data)]
@@ -151,11 +149,5 @@ def most_important(data: ReportData, most: int) -> list[str]:
 def _shown(data: ReportData) -> list[str]:
     """What cards say that was shown to be so."""
     cards = summarise(data).cards
-    measures = [
-        (name, measure) for name in _CLAIMS for card in cards for measure in card.measures if measure.name == name
-    ]
-    return [
-        measure.sentence
-        for _, measure in measures
-        if measure.answer is not None and measure.answer.verdict == Verdict.yes
-    ]
+    claims = [measure for name in _CLAIMS for card in cards for measure in card.measures if measure.name == name]
+    return [claim.sentence for claim in claims if claim.answer is not None and claim.answer.verdict == Verdict.yes]

@@ -48,13 +48,8 @@ class Cells:
     @property
     def is_dense(self) -> bool:
         """Whether the table needs small print to fit the page."""
-        return self._characters > _CHARACTERS
-
-    @property
-    def _characters(self) -> int:
-        """Characters in its longest line, if no cell is broken."""
         widest = [max(map(len, column)) for column in zip(self.headings, *self.rows, strict=True)]
-        return sum(widest) + _GAP * len(widest)
+        return sum(widest) + _GAP * len(widest) > _CHARACTERS
 
     @property
     def fitting(self) -> "Cells":

@@ -101,7 +101,7 @@ def joined_fit(fits: Sequence[PoseFit | None]) -> PoseFit | None:
     names = dict.fromkeys(name for law in laws for name in law)
     corrected = dict.fromkeys(name for fit in pose_fits for name in fit.corrections)
     return PoseFit(
-        all(fit.leads for fit in fits if fit),
+        all(fit.leads for fit in pose_fits),
         references=median(counts) if counts else None,
         age=max(ages, default=None),
         stated_errors={name: _together([law.get(name) for law in laws]) or 0.0 for name in names} or None,

@@ -43,7 +43,6 @@ _LOCK, _INPUTS, _REFERENCES = ".lock", "inputs", "references"
 _MANIFEST, _SETTINGS, _FAILURES, _SNAPSHOTS = "manifest.json", "experiment.toml", "failures.jsonl", "snapshots"
 FINDINGS_JSON = "findings.json"
 _PARTS, _SUMMARY = "parts", "summary"
-_OUTDATED = ("report", "statistics")
 _STACKED = 16
 """Sequences whose tables are read together."""
 SEQUENCE_TABLES: Mapping[str, schema.Schema] = {
@@ -409,7 +408,7 @@ class RunFolder:
         StoreError
             If the folder cannot be written.
         """
-        for name in _OUTDATED:
+        for name in ("report", "statistics"):
             remove(self.path / name)
 
     def clear(self) -> None:
@@ -559,19 +558,12 @@ class RunFolder:
         StoreError, SchemaError
             If the run is not finished, or the file is missing or damaged, or has other columns.
         """
-        hashes = self._hashes_of_statistics()
+        hashes, folder = self._hashes().statistics, self.path / "statistics"
+        if _SUMMARY not in hashes or not folder.is_dir():
+            raise StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
         if table.name not in hashes:
             return schema.empty(table)
-        return read_parquet(self.path / "statistics" / f"{table.name}.parquet", table, hashes[table.name])
-
-    def _hashes_of_statistics(self) -> dict[str, str]:
-        hashes = self._hashes().statistics
-        if _SUMMARY not in hashes or not (self.path / "statistics").is_dir():
-            raise self._unfinished()
-        return hashes
-
-    def _unfinished(self) -> StoreError:
-        return StoreError(f"{self.path}: no finished run, expected one; `tracknoise run` starts or resumes a run")
+        return read_parquet(folder / f"{table.name}.parquet", table, hashes[table.name])
 
     def document(self, name: str) -> str | None:
         """The text of a document in ``statistics``, such as `FINDINGS_JSON`. None where it was never written.
@@ -643,7 +635,11 @@ class RunFolder:
 
     def _version(self) -> tuple[int, int, int] | None:
         """What tells two versions of the manifest apart; None without one."""
-        return _version_of(self.path / _MANIFEST)
+        try:
+            status = (self.path / _MANIFEST).stat()
+        except OSError:
+            return None
+        return status.st_ino, status.st_mtime_ns, status.st_size
 
     def _manifest_content(self) -> bytes:
         try:
@@ -659,12 +655,3 @@ class RunFolder:
                 f"{self.path / _MANIFEST}: damaged, and no {_SETTINGS} beside it, expected a run's manifest; "
                 "if the folder holds a run, remove it"
             )
-
-
-def _version_of(path: Path) -> tuple[int, int, int] | None:
-    """What tells two versions of a file apart; None without one."""
-    try:
-        status = path.stat()
-    except OSError:
-        return None
-    return status.st_ino, status.st_mtime_ns, status.st_size

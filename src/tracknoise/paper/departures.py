@@ -2,7 +2,7 @@
 
 import sys
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -87,45 +87,25 @@ def _measured(name: str, parts: Sequence[Part]) -> Cells | None:
     return measure(parts) if measure else None
 
 
-def _populations(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(weighting="features")
-    return chosen.with_columns(level=pl.col("population").cast(pl.String))
-
-
-def _trimmings(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(weighting="features", population=data.population)
-    return chosen.with_columns(level=pl.col("trimming").cast(pl.String))
-
-
-def _weightings(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(population=data.population)
-    return chosen.with_columns(level=pl.col("weighting").cast(pl.String))
-
-
-def _centres(curves: pl.DataFrame, data: ReportData) -> pl.DataFrame:
-    chosen = curves.filter(weighting="features", population=data.population)
-    return chosen.filter(pl.col("role").is_in(["second", "central"])).with_columns(level="role", role=pl.lit("second"))
-
-
-_CURVES: Mapping[str, tuple[str, Callable[[pl.DataFrame, ReportData], pl.DataFrame]]] = {
-    "occlusion": ("Errors of visible features compared with all projected ones", _populations),
-    "trimming": ("Errors of all tracks compared with the kept ones", _trimmings),
-    "weighting": ("Equally weighted scenes compared with pooled features", _weightings),
-    "covariance": ("Covariance about the mean compared with the second moment about zero", _centres),
+_CURVES: Mapping[str, tuple[str, str]] = {
+    "occlusion": ("Errors of visible features compared with all projected ones", "population"),
+    "trimming": ("Errors of all tracks compared with the kept ones", "trimming"),
+    "weighting": ("Equally weighted scenes compared with pooled features", "weighting"),
+    "covariance": ("Covariance about the mean compared with the second moment about zero", "role"),
 }
-"""Differences that are a choice between curves: caption, and a function that labels the two."""
+"""Differences that are a choice between curves: caption, and the column that tells the two apart."""
 _ROLES = ("mean", "absolute", "second")
 _TRIMMINGS = (Trimming.trimmed, Trimming.untrimmed)
 
 
 def _by_curves(name: str, parts: Sequence[Part]) -> Cells:
     """For each tracker at the nominal speed, how much the two curves differ, relative to their common variation."""
-    caption, choose = _CURVES[name]
+    caption, compared = _CURVES[name]
     roles = [role for role in _ROLES if name != "covariance" or role == "second"]
     shown = [(trimming, role) for trimming in (_TRIMMINGS if name != "trimming" else (None,)) for role in roles]
     rows = []
     for part in parts:
-        differences = {trimming: _differences(part.data, choose, trimming) for trimming, _ in shown}
+        differences = {trimming: _differences(part.data, compared, trimming) for trimming, _ in shown}
         for tracker in part.data.trackers:
             cells = [
                 _difference(differences[trimming].filter(tracker=tracker, role=role), role) for trimming, role in shown
@@ -143,21 +123,23 @@ def _is_one_scene(data: ReportData, tracker: str) -> bool:
     return data.nominal(data["curves"]).filter(tracker=tracker)["n_scenes"].max() == 1
 
 
-def _differences(
-    data: ReportData, choose: Callable[[pl.DataFrame, ReportData], pl.DataFrame], trimming: Trimming | None
-) -> pl.DataFrame:
-    """The largest differences between the two levels that `choose` labels, by tracker and role.
+def _differences(data: ReportData, compared: str, trimming: Trimming | None) -> pl.DataFrame:
+    """The largest differences between the two values of the column `compared`, by tracker and role.
 
-    Curves are those of one trimming; of both where `choose` compares them.
+    Curves are those of one trimming; of both where these are compared.
     """
     key_frames = {direction: data.key_frame(direction) or 0 for direction in data.directions}
-    roles = data.axis.roles
-    of_both = data.nominal(data["curves"])
-    chosen = of_both if trimming is None else of_both.filter(trimming=trimming)
+    fixed = {"weighting": "features", "population": data.population, "trimming": trimming}
+    chosen = data.nominal(data["curves"]).filter(**{name: value for name, value in fixed.items() if name != compared})
     curves = comparable(chosen, key_frames).with_columns(
-        role=pl.col("statistic").replace_strict(roles, return_dtype=pl.String)
+        role=pl.col("statistic").replace_strict(data.axis.roles, return_dtype=pl.String)
     )
-    return largest_differences(choose(curves, data), by=["tracker", "role"], level="level").sort(
+    if compared == "role":
+        curves = curves.filter(pl.col("role").is_in(["second", "central"]))
+        curves = curves.with_columns(level="role", role=pl.lit("second"))
+    else:
+        curves = curves.with_columns(level=pl.col(compared).cast(pl.String))
+    return largest_differences(curves, by=["tracker", "role"], level="level").sort(
         "effect", "coordinate", descending=[True, False]
     )
 

@@ -2,7 +2,6 @@
 
 import sys
 from collections.abc import Callable, Sequence
-from itertools import accumulate
 
 from tracknoise.report.cells import Cells
 from tracknoise.text import printable
@@ -39,8 +38,7 @@ def _headings(cells: Cells) -> list[str]:
     """Headings, each preceded by the heading of its group."""
     if not cells.groups:
         return list(cells.headings)
-    ends = list(accumulate(span for _, span in cells.groups))
-    groups = [next(cells.groups[i][0] for i, end in enumerate(ends) if place < end) for place in range(ends[-1])]
+    groups = [title for title, span in cells.groups for _ in range(span)]
     return [f"{group} {name}".strip() for group, name in zip(groups, cells.headings, strict=True)]
 
 

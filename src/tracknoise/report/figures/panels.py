@@ -55,7 +55,8 @@ def arranged(panels: Sequence[Panel], *, columns: int, independent: Sequence[str
         datasets |= spec.pop("datasets", {})
         _limit_title(spec)
         view = f"panel_{place}"
-        _unit(spec, panel.layer)["name"] = view
+        unit = spec["layer"][panel.layer] if "layer" in spec else spec
+        unit["name"] = view
         specs.append({key: value for key, value in spec.items() if key not in ("$schema", "config")})
         for selection in panel.selections:
             _join(parameters.setdefault(selection["name"], {**selection, "views": []}), selection, view)
@@ -109,12 +110,6 @@ def layered(*charts: alt.Chart) -> alt.LayerChart:
             chart.data = alt.Undefined
     layers.layer = list(charts)
     return layers
-
-
-def _unit(spec: Spec, layer: int) -> Spec:
-    """The view of a chart that has its selections."""
-    unit: Spec = spec["layer"][layer] if "layer" in spec else spec
-    return unit
 
 
 COORDINATES = {"u": "u (horizontal)", "v": "v (vertical)"}
@@ -220,7 +215,8 @@ def box_plot(
     base = alt.Chart(marks.rows(table)).encode(x=_across(column, order, width), tooltip=[*names, *tips])
     slot, beads = width / max(1, len(order)), base
     if places is not None:
-        offsets = [name for colour in colours for name in _offsets(colour, with_interval=interval is not None)]
+        of_box = [""] if interval is None else [_BESIDE, ""]  # the interval is to the left of its box
+        offsets = [name + place for name in colours for place in of_box]
         base, beads = _side_by_side(base, field, offsets)
         slot /= max(1, len(offsets))
     across = min(_WIDEST, 0.6 * slot)
@@ -236,11 +232,6 @@ def box_plot(
         aside = -(across + 1.2 * wide) / 2 if places is None else 0.0
         layers += _interval(beads, y, wide, aside, *interval)
     return layered(*layers).properties(width=width, height=height)
-
-
-def _offsets(name: str, *, with_interval: bool) -> list[str]:
-    """The places of a box, and of its interval to the left of it."""
-    return [name + _BESIDE, name] if with_interval else [name]
 
 
 def _side_by_side(base: alt.Chart, field: str, offsets: Sequence[str]) -> tuple[alt.Chart, alt.Chart]:

@@ -518,7 +518,7 @@ def _trajectory_message(path: Path) -> str:
 
 
 def _sentence(path: Path) -> str:
-    moves = f"In total, {path.scene} moves {number(path.moved_m)}{SPACE}m and rotates {number(path.turned_deg)}°"
+    moves = f"In total, {_trajectory_message(path)}"
     if not path.depth_m or not path.moved_m or not path.turned_deg:
         return f"{moves}."
     seen_deg = float(np.rad2deg(path.moved_m / path.depth_m))

@@ -278,7 +278,8 @@ def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
     if shares.is_empty():
         return []
     lines = shares.select("tracker", "line").unique().sort("line").rows()
-    colours = _colours_of([name for tracker in data.trackers for owner, name in lines if owner == tracker])
+    names = [name for tracker in data.trackers for owner, name in lines if owner == tracker]
+    colours = dict(zip(names, style.colours(names), strict=True))
     bounded = pl.concat([shares, nees]).drop_nulls(["u_low", "u_high"])
     shows = (
         f"Left: share of the errors inside the regions of a level. Right: NEES by {data.axis.name}, the mean of the "
@@ -291,10 +292,6 @@ def covariance_figures(data: ReportData) -> Sequence[Figure | Absence]:
     spec = arranged(panels, columns=2, independent=["fill"])
     look_for = " ".join([*sentences, _COVARIANCE_ADVICE])
     return [Figure(_COVARIANCE_ID, _COVARIANCE_TITLE, shows, look_for, spec, covariance_message(data))]
-
-
-def _colours_of(lines: Sequence[str]) -> dict[str, str]:
-    return {name: style.PALETTE[place % len(style.PALETTE)] for place, name in enumerate(lines)}
 
 
 def _coverage_panel(shares: pl.DataFrame, colours: Mapping[str, str]) -> Panel:

@@ -148,6 +148,8 @@ def test_positions_with_errors_above_the_parallax_are_in_no_other_unit(size, wal
         (100.0, "depths are 100 times too small for the positions of the camera (positions are probably in centim"),
         (39.37, "depths are about 42 times too small for the positions of the camera. "),  # inches
         (0.01, "depths are 100 times too large for the positions of the camera (positions are probably divided by 100"),
+        (0.8, "depths are about 1.2 times too large for the positions of the camera. "),  # no scale of its own, as SLAM
+        (1.5, "depths are about 1.5 times too small for the positions of the camera. "),
     ],
 )
 def test_positions_in_another_unit_are_no_errors(factor, said):

@@ -168,6 +168,11 @@ class DepthKind:
         """Whether depth is clearly along the ray."""
         return abs(self.slope - 1.0) < _TOLERANCE and self.slope > _SURE_SD * self.sd
 
+    @property
+    def is_z(self) -> bool:
+        """Whether depth is clearly along the optical axis."""
+        return abs(self.slope) < _TOLERANCE and 1.0 - self.slope > _SURE_SD * self.sd
+
 
 def depth_kind(evidence: Evidence) -> DepthKind | None:
     """Fit the kind of depth; None without depths, where it is known, or where both kinds would look the same."""
@@ -175,7 +180,8 @@ def depth_kind(evidence: Evidence) -> DepthKind | None:
         return None
     sums = [pair_sums for pair in evidence.pairs if (pair_sums := _sums(evidence, pair)) is not None]
     table = np.array(sums).reshape(-1, 2)
-    if len(table) < 2 or table[:, 1].sum() <= 0.0:
+    table = table[table[:, 1] > 0.0]
+    if len(table) < 2:
         return None
     slope, sd = jackknife(table, lambda rows: float(rows[:, 0].sum() / rows[:, 1].sum()))
     return DepthKind(slope, sd)
@@ -190,7 +196,7 @@ def _sums(evidence: Evidence, pair: Pair) -> tuple[float, float] | None:
     as_given = depth_differences(evidence, pair, relative, has_depths, AS_GIVEN)
     rays = depth_differences(evidence, pair, relative, has_depths, AS_RAY_DEPTH)
     same = (np.abs(as_given) < _MOST_RELATIVE) & (np.abs(rays) < _MOST_RELATIVE)
-    expected = (as_given - rays)[same]
+    expected = as_given[same] - rays[same]
     return float(as_given[same] @ expected), float(expected @ expected)
 
 

@@ -112,7 +112,8 @@ Poses: TypeAlias = NDArray[np.float64]
 MOST_SHIFT_FRAMES = 3
 """Poses that are off by up to this many frames are recognised, frames."""
 _SCALES = (1000.0, 0.001, 100.0, 0.01, 10.0, 0.1, 5.0, 0.2)
-_ANY_FACTORS = np.geomspace(1.5, 1000.0, 40)
+_SOME_FACTORS = np.array([1.2, 1.6, 2.5])
+_ANY_FACTORS = np.array([1.1, 1.35, *np.geomspace(1.5, 1000.0, 40)])
 _RESOLUTIONS = (2.0, 0.5)
 
 
@@ -358,12 +359,18 @@ def _scales() -> Iterator[Hypothesis]:
     for factor in _SCALES:
         name = f"depths are {_times(factor, '{:g}'.format)} for the positions of the camera"
         yield Hypothesis("scale", name, depth_scale=factor)
+    yield from _about(_SOME_FACTORS)
 
 
 @lru_cache
 def any_scale() -> tuple[Hypothesis, ...]:
     """Other factors of depths than the usual ones."""
-    factors = (*_ANY_FACTORS, *(1.0 / _ANY_FACTORS))
+    return _about(_ANY_FACTORS)
+
+
+def _about(larger: NDArray[np.float64]) -> tuple[Hypothesis, ...]:
+    """Factors above 1 and their inverses, each as the nearest of a series."""
+    factors = (*larger, *(1.0 / larger))
     about = [f"depths are about {_times(factor, _rounded)} for the positions of the camera" for factor in factors]
     return tuple(
         Hypothesis("scale", name, depth_scale=float(factor), is_about=True)

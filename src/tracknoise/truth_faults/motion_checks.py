@@ -13,7 +13,7 @@ from tracknoise.geometry.pose import transform
 from tracknoise.inference.jackknife import jackknife
 from tracknoise.text import counted, significant
 from tracknoise.truth_faults.check_report import Item, Severity, Values
-from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, depth_kind
+from tracknoise.truth_faults.depth_checks import FARTHEST_M, NEAREST_M, DepthKind, depth_kind
 from tracknoise.truth_faults.image_evidence import (
     AS_GIVEN,
     AS_RAY_DEPTH,
@@ -123,7 +123,8 @@ def mistakes(evidence: Evidence) -> Item:
         few = f"only {counted(len(evidence.pairs), 'pair')}" if evidence.pairs else "no pair"
         text = f"Usual mistakes in poses cannot be checked: {few} of images with motion."
         return Item("usual mistakes", Severity.unknown, text)
-    is_z = evidence.z_depth_from is not None
+    kind = depth_kind(evidence)
+    is_z = evidence.z_depth_from is not None or (kind is not None and kind.is_z)
     candidates = hypotheses(
         has_depth=evidence.has_depth,
         is_z=is_z,
@@ -157,8 +158,8 @@ def mistakes(evidence: Evidence) -> Item:
         is_clear = nearest_px < as_given_px
     if is_clear and (evidence.has_depth or rival_motion or fits[0].residual_px <= _NOISE_PX):
         return _named(evidence, fits, float(np.median(given_px)))
-    if (ray := _ray_depth(evidence)) is not None:
-        return ray
+    if kind is not None and kind.is_ray:
+        return _ray_depth(kind)
     text = f"None of {n_usual} usual mistakes explains the image motion clearly better than the data as stated."
     return Item("usual mistakes", Severity.ok, text + _not_tried(evidence), {"best_gain": float(gains.min())})
 
@@ -223,7 +224,8 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     best = fits[0]
     name = _with_unit(evidence, best.hypothesis)
     is_seen = best.hypothesis is AS_TURNING and best.residual_px > _NOISE_PX  # a parallax that no factor explains
-    rivals = [fit.hypothesis for fit in fits[1:] if not (is_seen and fit.hypothesis.kind == "scale")]
+    alike = [best.hypothesis.kind] if best.hypothesis.is_about else []  # other factors of the same series
+    rivals = [fit.hypothesis for fit in fits[1:] if fit.hypothesis.kind not in (*alike, "scale" if is_seen else "")]
     other_names = list(dict.fromkeys(rival.name for rival in rivals if rival.name != best.hypothesis.name))
     undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if that is corrected"
     text = (
@@ -265,11 +267,8 @@ def _with_unit(evidence: Evidence, mistake: Hypothesis) -> str:
     return f"{mistake.name} ({unit if are_metres else other})"
 
 
-def _ray_depth(evidence: Evidence) -> Item | None:
+def _ray_depth(kind: DepthKind) -> Item:
     """The item about distances along the ray, where the change of depth from image to image shows them."""
-    kind = depth_kind(evidence)
-    if kind is None or not kind.is_ray:
-        return None
     text = (
         f"It looks as if {AS_RAY_DEPTH.name}. Depths of the same point in two images differ by "
         f"{kind.slope:.2f} ± {kind.sd:.2f} times what such distances would (depths along the axis: 0)."

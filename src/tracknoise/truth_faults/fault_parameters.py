@@ -339,8 +339,8 @@ def shown(samples: AuditSamples, parameter: Parameter) -> Shown:
     if parameter is Parameter.principal_point:
         return Shown("px", (camera.cx, camera.cy) if camera else nothing, 1.0)
     if parameter is Parameter.k1:
-        has_distortion = isinstance(camera, Camera) and camera.distortion
-        return Shown("", (camera.distortion[0],) if has_distortion and isinstance(camera, Camera) else nothing, 1.0)
+        stated = camera.distortion[:1] if isinstance(camera, Camera) and camera.distortion else nothing
+        return Shown("", stated, 1.0)
     if parameter in (Parameter.depth_scale, Parameter.ray_depth):
         return Shown("", (1.0 if parameter is Parameter.depth_scale else 0.0,), 1.0)
     if parameter is Parameter.mounting_rotation:

@@ -76,7 +76,7 @@ from scipy import special
 from scipy.linalg import solveh_banded
 
 from tracknoise.geometry.pose import first_visits, invert
-from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.geometry.projection import FrameGeometry, cross_matrices
 from tracknoise.inference.bootstrap import scattered
 from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.robust_fits import scales
@@ -239,7 +239,7 @@ def by_motion(
 ) -> NDArray[np.float64]:
     """J of (rigid) of world points (n, 3) in frames (n,), (n, 2, 6)."""
     by_point = geometry.jacobian(frame, points_world)
-    return np.concatenate([by_point, by_point @ _minus_cross(points_world)], axis=2)
+    return np.concatenate([by_point, by_point @ cross_matrices(-points_world)], axis=2)
 
 
 def _beginnings(
@@ -266,13 +266,6 @@ def _displacement(
         sequence.observations.select(names).to_numpy()[rows] for names in (("u_px", "v_px"), ("u_true_px", "v_true_px"))
     )
     return geometry.unproject(frame, observed, depth) - geometry.unproject(frame, true, depth)
-
-
-def _minus_cross(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """-[X]x of each point, (n, 3, 3): the derivative of phi x X by phi."""
-    x, y, z = points.T
-    zeros = np.zeros_like(x)
-    return np.stack([zeros, z, -y, -z, zeros, x, y, -x, zeros], axis=1).reshape(-1, 3, 3)
 
 
 PRIOR = 1.0

@@ -18,6 +18,7 @@ import polars as pl
 from numpy.typing import NDArray
 from scipy import special
 
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.robust_fits import Jackknife, jackknife, normal_equations, scales, squared, summed
 from tracknoise.inference.units import Resampled
 from tracknoise.tables.truth_audit import AUDIT_CURVES
@@ -133,19 +134,6 @@ class Gain:
     high: float
 
 
-def held_out_residuals(samples: AuditSamples, fitted: Fit, moves: Jackknife) -> NDArray[np.float64]:
-    """Residuals (n, 2) of each observation about the fit without its cluster, px."""
-    moved = np.einsum("nij,nj->ni", design_of(samples, fitted), moves.moves[samples.cluster])
-    return np.asarray(fitted.residual - moved)
-
-
-def held_out_errors(samples: AuditSamples, fitted: Fit, moves: Jackknife) -> NDArray[np.float64]:
-    """Errors (n, 2) about the truth corrected by the fit without the cluster of each observation, px."""
-    k = len(fitted.free)
-    moved = np.einsum("nij,nj->ni", fitted.slopes, moves.moves[samples.cluster, :k])
-    return np.asarray(fitted.error - moved)
-
-
 def losses(
     samples: AuditSamples,
     residual: NDArray[np.float64],
@@ -159,7 +147,7 @@ def losses(
     return np.asarray(np.bincount(samples.cluster, cut, minlength=samples.n_clusters))
 
 
-def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: float) -> Gain:
+def gain(corrected: NDArray[np.float64], base: NDArray[np.float64]) -> Gain:
     """Share explained, from losses of clusters with and without the correction, by (audit.gain).
 
     Its interval is from the jackknife over clusters, by Student's distribution.
@@ -169,19 +157,15 @@ def gain(corrected: NDArray[np.float64], base: NDArray[np.float64], *, level: fl
     value = 1.0 - float(corrected.sum() / base.sum())
     of_others = np.maximum(base.sum() - base, 1e-300)
     without = 1.0 - (corrected.sum() - corrected) / of_others
-    half = jackknife_half_width(without, level)
+    half = jackknife_half_width(without)
     return Gain(value, value - half, min(value + half, 1.0))
 
 
-def jackknife_half_width(without: NDArray[np.float64], level: float) -> float:
+def jackknife_half_width(without: NDArray[np.float64]) -> float:
     """Half of Student's interval of a number, from its values without each of the clusters, (n,)."""
     n = len(without)
     error = float(np.sqrt((n - 1) / n * np.sum((without - without.mean()) ** 2)))
-    return float(special.stdtrit(max(n - 1, 1), 0.5 + 0.5 * level)) * error
-
-
-LEVEL = 0.95
-"""Probability with which an interval holds what it is of."""
+    return float(special.stdtrit(max(n - 1, 1), 0.5 + 0.5 * LEVEL)) * error
 
 
 @dataclass(frozen=True)
@@ -236,18 +220,22 @@ class ResampledFit:
     @cached_property
     def residual(self) -> NDArray[np.float64]:
         """Residuals, (n, 2), px, each about the fit without its cluster."""
-        return held_out_residuals(self.samples, self.fitted, self.moves)
+        moves = self.moves.moves[self.samples.cluster]
+        moved = np.einsum("nij,nj->ni", design_of(self.samples, self.fitted), moves)
+        return np.asarray(self.fitted.residual - moved)
 
     @cached_property
     def error(self) -> NDArray[np.float64]:
         """Errors, (n, 2), px, about the truth corrected by the fit without the cluster of each observation."""
-        return held_out_errors(self.samples, self.fitted, self.moves)
+        moves = self.moves.moves[self.samples.cluster, : len(self.fitted.free)]
+        moved = np.einsum("nij,nj->ni", self.fitted.slopes, moves)
+        return np.asarray(self.fitted.error - moved)
 
     def gain_beyond(
         self, base: "ResampledFit", scale: NDArray[np.float64], used: NDArray[np.bool_] | None = None
     ) -> Gain:
         """Share that this fit explains of its held-out clusters beyond another fit, of all or some observations."""
-        return gain(self.losses(scale, used), base.like(self).losses(scale, used), level=LEVEL)
+        return gain(self.losses(scale, used), base.like(self).losses(scale, used))
 
     def losses(self, scale: NDArray[np.float64], used: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
         """(clusters,): see `tracknoise.truth_faults.audit_fit.losses`."""

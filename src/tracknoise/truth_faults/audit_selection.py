@@ -24,10 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.multiple_tests import holm
 from tracknoise.inference.robust_fits import condition_number, jackknife, scales
 from tracknoise.tables.truth_audit import AuditVerdict
-from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, design_of, fit, gain, losses
+from tracknoise.truth_faults.audit_fit import Gain, ResampledFit, design_of, fit, gain, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import Predicted, has_k1, predict
 from tracknoise.truth_faults.fault_parameters import COUNT, FAULTS, Fit, Parameter
@@ -61,7 +62,7 @@ class Shares:
         return self.high < _LEAST_SHARE or self.low > _MOST_SHARE
 
 
-def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Shares]:
+def shares(fitted: Fit, places: NDArray[np.intp]) -> list[Shares]:
     """Compare the corrections that single trackers see with the common one.
 
     Each tracker's own fit is one step of Newton's method from the common one. Its share is the projection on the common
@@ -76,7 +77,7 @@ def shares(fitted: Fit, places: NDArray[np.intp], *, level: float) -> list[Share
     common = fitted.estimate[places]
     metric = np.linalg.pinv(np.linalg.inv(fitted.equations.information)[np.ix_(places, places)], hermitian=True)
     onto = metric @ common / max(float(common @ metric @ common), 1e-300)
-    return [_share(fitted, places, onto, int(tracker), 1.0 - (1.0 - level) / len(enough)) for tracker in enough]
+    return [_share(fitted, places, onto, int(tracker), 1.0 - (1.0 - LEVEL) / len(enough)) for tracker in enough]
 
 
 def _share(fitted: Fit, places: NDArray[np.intp], onto: NDArray[np.float64], tracker: int, level: float) -> Shares:
@@ -202,7 +203,7 @@ class Assessment:
     @cached_property
     def shares(self) -> list[Shares]:
         """What each tracker sees of the correction."""
-        return shares(self.tested.fitted, self.places, level=LEVEL)
+        return shares(self.tested.fitted, self.places)
 
     @property
     def is_agreed(self) -> bool:
@@ -388,7 +389,7 @@ def _rivals(samples: AuditSamples, stage: Stage, best: Assessment, *, with_bias:
             predicted = predict(samples, rival.fitted.theta)
             basis = Basis.of(samples, rival.fitted.parameters, predicted, with_bias=with_bias)
             beside = assess(samples, basis, best.parameter)
-            if beside.gain.value < MARGIN:
+            if beside.is_small:
                 rivals[name] = condition_number(beside.fitted.equations)
     return rivals
 
@@ -483,7 +484,7 @@ def _gain(assessment: Assessment, wrong: NDArray[np.float64]) -> Gain:
     """What the correction would explain of residuals (n, 2), px."""
     samples = assessment.tested.samples
     scale = scales(samples.group, wrong)
-    return gain(assessment.tested.losses(scale), losses(samples, wrong, scale), level=LEVEL)
+    return gain(assessment.tested.losses(scale), losses(samples, wrong, scale))
 
 
 @dataclass(frozen=True, slots=True)

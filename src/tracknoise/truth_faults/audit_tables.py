@@ -11,13 +11,14 @@ from numpy.typing import NDArray
 from tracknoise.geometry.cameras import KnownCamera, make_camera
 from tracknoise.geometry.pose import first_visits
 from tracknoise.inference.bootstrap import scattered
+from tracknoise.inference.conventions import LEVEL
 from tracknoise.inference.robust_fits import condition_number
 from tracknoise.inference.units import Resampled, SceneGroups, scheme
 from tracknoise.tables.findings_schema import DEPTH_REPEATS
 from tracknoise.tables.schema import check, empty
 from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditTables, AuditVerdict
 from tracknoise.text import counted
-from tracknoise.truth_faults.audit_fit import LEVEL, Gain, ResampledFit, curves, fit, second_moments
+from tracknoise.truth_faults.audit_fit import Gain, ResampledFit, curves, fit, second_moments
 from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of
 from tracknoise.truth_faults.audit_selection import (
     Assessment,

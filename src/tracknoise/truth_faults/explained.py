@@ -38,7 +38,7 @@ from numpy.typing import NDArray
 
 from tracknoise.inference.robust_fits import LEAST_PX, scales, summed
 from tracknoise.statistics.definitions import REFERENCE_AGE
-from tracknoise.truth_faults.audit_fit import LEVEL, MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
+from tracknoise.truth_faults.audit_fit import MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
 from tracknoise.truth_faults.audit_samples import AuditSamples
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
@@ -112,7 +112,7 @@ def _by_faults(
         information, score = summed(design, residual, scale, ridge)
         theta = theta + np.linalg.solve(information, score - ridge * theta)
         residual = error - design @ theta
-    share = gain(losses(samples, residual, scale), losses(samples, error, scale), level=LEVEL)
+    share = gain(losses(samples, residual, scale), losses(samples, error, scale))
     return Gain(max(share.value, 0.0), share.low, max(share.high, 0.0))
 
 
@@ -142,7 +142,7 @@ def _share_of(rows: "_Rows", share: Callable[["_Rows", NDArray[np.bool_]], float
     without = [share(rows, rows.cluster != cluster) for cluster in np.unique(rows.cluster)]
     if value is None or any(left_out is None for left_out in without):
         return None
-    half = jackknife_half_width(np.array(without, dtype=np.float64), LEVEL)
+    half = jackknife_half_width(np.array(without, dtype=np.float64))
     return Gain(min(max(value, 0.0), 1.0), value - half, min(max(value + half, 0.0), 1.0))
 
 

@@ -154,8 +154,7 @@ def _reduction(removed: Array, own: Array, level: float) -> Interval:
     value = removed.sum() / squares.sum()
     left = np.maximum(squares.sum() - squares, 1e-300)
     low, high = student_interval(value, (removed.sum() - removed) / left, level=level, sizes=squares)
-    bounds = [None if np.isnan(bound) else float(bound) for bound in (low, high)]
-    return Interval(value=float(value), low=bounds[0], high=bounds[1])
+    return Interval.of(float(value), float(low), float(high))
 
 
 def _objection(form: _Form, floors: pl.DataFrame, last_age: int) -> str | None:

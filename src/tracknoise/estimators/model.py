@@ -122,18 +122,20 @@ class Interval:
 
     def within(self, least: float, most: float) -> "Interval":
         """The same with numbers that are not beyond these."""
-        low, high = (None if bound is None else min(max(bound, least), most) for bound in (self.low, self.high))
-        return Interval(value=min(max(self.value, least), most), low=low, high=high)
+        return self._changed(lambda number: min(max(number, least), most))
 
     def times(self, factor: float) -> "Interval":
         """A product with a positive number, with its bounds."""
-        low, high = (None if bound is None else bound * factor for bound in (self.low, self.high))
-        return Interval(value=self.value * factor, low=low, high=high)
+        return self._changed(lambda number: number * factor)
 
     def root(self) -> "Interval":
         """The root of a number that is not negative, with its bounds."""
-        low, high = (None if bound is None else math.sqrt(bound) for bound in (self.low, self.high))
-        return Interval(value=math.sqrt(self.value), low=low, high=high)
+        return self._changed(math.sqrt)
+
+    def _changed(self, change: Callable[[float], float]) -> "Interval":
+        """An increasing function of the value and of the bounds."""
+        low, high = (None if bound is None else change(bound) for bound in (self.low, self.high))
+        return Interval(value=change(self.value), low=low, high=high)
 
     def require_within(self, name: str, **bounds: float) -> None:
         """Raise InvalidValueError, naming the field, unless all numbers are finite and within bounds."""

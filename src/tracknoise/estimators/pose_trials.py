@@ -109,12 +109,7 @@ def over_scenes(rows: pl.DataFrame, value: str, per: str, scale: str, groups: Sc
     units = units_of(sums, points=[], columns=[per, value], groups=groups)
     method = Method(IntervalKind.student, level)
     found = pooled(units, np.empty((0, len(units.sums))), column_means, method, scales=[scale])
-    middle, low, high = (float(bound[0, 0]) for bound in (found.value, found.low, found.high))
-    return Interval(value=middle, low=_known(low), high=_known(high))
-
-
-def _known(bound: float) -> float | None:
-    return None if math.isnan(bound) else bound
+    return Interval.of(*(float(bound[0, 0]) for bound in (found.value, found.low, found.high)))
 
 
 def known_points(

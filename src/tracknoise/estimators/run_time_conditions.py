@@ -305,8 +305,4 @@ def mean_gain(gain: Array, n: Array, level: float) -> Interval:
         return Interval(value=float(value))
     without = (gain.sum() - gain) / (n.sum() - n)
     low, high = student_interval(value, without, level=level, sizes=n)
-    return Interval(value=float(value), low=_known(low), high=_known(high))
-
-
-def _known(bound: Array) -> float | None:
-    return None if np.isnan(bound) else float(bound)
+    return Interval.of(float(value), float(low), float(high))

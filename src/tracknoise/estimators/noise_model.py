@@ -65,40 +65,16 @@ _GONE = "depth"
 _WHERE_KNOWN = ("of_both",)
 """Fields that a document has only where they are known."""
 _KEY, _EXPECTED = "format", "a noise model, as `tracknoise export --model` writes it"
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
-"""What a class of documents sets as its ``__pydantic_config__``: unknown keys are refused."""
-_Model = TypeVar("_Model")
-
 
 _adapter: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
 
-def written(kind: type[_Model], model: _Model) -> str:
-    """The document of a model, JSON."""
-    fields = _adapter(kind).dump_python(model, mode="json")
-    fields = {name: value for name, value in fields.items() if value is not None or name not in _WHERE_KNOWN}
-    return json.dumps({_KEY: FORMAT, **fields}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def document_schema(kind: type[_Model]) -> str:
+def document_schema(kind: "type[NoiseModel]") -> str:
     """JSON Schema of the document, as text."""
     schema = _adapter(kind).json_schema()
     schema["properties"] = {_KEY: {"const": FORMAT, "title": "Format"}, **schema["properties"]}
     schema["required"] = [_KEY, *schema["required"]]
     return json.dumps(schema, indent=2) + "\n"
-
-
-def parse_document(kind: type[_Model], text: str, path: Path) -> _Model:
-    """A document from the text of its file."""
-    fields = _fields(path, text)
-    try:
-        model: _Model = _adapter(kind).validate_python(fields)
-    except ValidationError as error:
-        first = error.errors()[0]
-        key = ".".join(map(str, first["loc"])) or "document"
-        message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
-        raise DataError(path, f"{key}: found {_shown(first['input'])}", message) from error
-    return model
 
 
 def _fields(path: Path, text: str) -> dict[str, object]:
@@ -125,8 +101,10 @@ _Kind = TypeVar("_Kind", bound=StrEnum)
 
 @lru_cache(maxsize=8)
 def _text_of(model: "NoiseModel") -> str:
-    """The document of a model. All exports of a report name its hash."""
-    return written(NoiseModel, model)
+    """The document of a model, JSON. All exports of a report name its hash."""
+    fields = _adapter(NoiseModel).dump_python(model, mode="json")
+    known = {name: value for name, value in fields.items() if value is not None or name not in _WHERE_KNOWN}
+    return json.dumps({_KEY: FORMAT, **known}, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -169,7 +147,7 @@ class NoiseModel:
         gate_trial and known_points are for the positions in both. None of others.
     """
 
-    __pydantic_config__ = STRICT
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)  # unknown keys are refused
 
     training: Training
     camera: CameraOfModel
@@ -543,7 +521,16 @@ class NoiseModel:
         DataError
             If it is not a noise model: with the place, what was found and what was expected.
         """
-        return parse_document(cls, text, Path(path))
+        file = Path(path)
+        fields = _fields(file, text)
+        try:
+            model: NoiseModel = _adapter(cls).validate_python(fields)
+        except ValidationError as error:
+            first = error.errors()[0]
+            key = ".".join(map(str, first["loc"])) or "document"
+            message = first["msg"].removeprefix("Input should be ").removeprefix("Value error, ")
+            raise DataError(file, f"{key}: found {_shown(first['input'])}", message) from error
+        return model
 
 
 def _of_track(

@@ -259,7 +259,7 @@ def _gain(points: Array, folds: NDArray[np.intp]) -> float:
     return total
 
 
-def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, Any]:
+def fitted_fields(read: TrainingTables) -> dict[str, Any]:
     """Fields of `tracknoise.estimators.noise_model.NoiseModel`, fitted to a run.
 
     Raises
@@ -270,15 +270,15 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
     if read.truth.verdict.are_tracks_wrong:
         raise SettingsError(read.truth.verdict.sentence)
     sums = read["noise_sums"]
-    fitted = components_of(read, level=level)
+    fitted = components_of(read, level=LEVEL)
     last_age = int(sums["age"].max())  # type: ignore[arg-type]
     outliers = read["noise_outliers"]
     by_length = _windows(read, LENGTHS)
-    common = common_of(read, level=level)
+    common = common_of(read, level=LEVEL)
     alone = _equivalents(read, fitted, {**by_length, **_windows(read, [STATE_LENGTH])}, common)
     pair = TwoCameras.of(read["pair_tracks"], by_length, _limit_px(outliers))
-    sigmas = alone if pair is None else pair.equivalents(alone, read.groups, level)
-    kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, level, pair)
+    sigmas = alone if pair is None else pair.equivalents(alone, read.groups, LEVEL)
+    kernels, gate_trial = _tried(read, by_length[LENGTH], sigmas, LEVEL, pair)
     tails = fit_tails(read["samples"], fitted.undropped, last_age=last_age, groups=read.groups)
     points = known_points(
         read["noise_tracks"],
@@ -289,9 +289,9 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         most_px=_limit_px(outliers),
         common=common,
         groups=read.groups,
-        level=level,
+        level=LEVEL,
     )
-    conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=level)
+    conditions = conditions_of(read["noise_covariates"], read["noise_pairs"], fitted, groups=read.groups, level=LEVEL)
     return {
         "training": _training(read),
         "camera": recorded_camera({key: read.of_sequence("cameras", key) for key in read.keys}),
@@ -300,8 +300,8 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "outlier_share": outliers["n_outliers"].to_numpy().sum() / outliers["n"].to_numpy().sum(),
         "outliers_beyond_px": _limit_px(outliers),
         "conditions": conditions,
-        "track_scale": fit_track_scale(read["track_errors"], sums, conditions, groups=read.groups, level=level),
-        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=level, audit_curves=read.truth.audit_curves),
+        "track_scale": fit_track_scale(read["track_errors"], sums, conditions, groups=read.groups, level=LEVEL),
+        "bias": fit_bias(sums, read["floors"], groups=read.groups, level=LEVEL, audit_curves=read.truth.audit_curves),
         "common_share": None if common is None else common.share,
         "truth_floor_px": _floor(read["floors"], last_age),
         "truth": read.truth.verdict,
@@ -309,7 +309,7 @@ def fitted_fields(read: TrainingTables, *, level: float = LEVEL) -> dict[str, An
         "kernels": kernels,
         "gate_trial": gate_trial,
         "known_points": points if pair is None else pair.known_points(points),
-        "of_both": None if pair is None else pair.trial(LENGTH, read.groups, level),
+        "of_both": None if pair is None else pair.trial(LENGTH, read.groups, LEVEL),
     }
 
 

@@ -20,9 +20,7 @@ from tracknoise.tables.findings_schema import RESAMPLED
 Array = NDArray[np.float64]
 
 
-def fitted_curve(
-    sums: pl.DataFrame, noise: TrackNoise, *, groups: SceneGroups = NO_GROUPS, level: float = LEVEL
-) -> pl.DataFrame:
+def fitted_curve(sums: pl.DataFrame, noise: TrackNoise, *, groups: SceneGroups = NO_GROUPS) -> pl.DataFrame:
     """Root mean square of a coordinate of the errors by age, outliers left out.
 
     Parameters
@@ -33,8 +31,6 @@ def fitted_curve(
         Components of the model.
     groups
         Groups of scenes that are not independent of each other.
-    level
-        Of the intervals.
 
     Returns
     -------
@@ -49,7 +45,7 @@ def fitted_curve(
         return Equations.of(columns).half_trace[None]
 
     sizes = units.sums[..., 0].T[None]
-    method = Method(IntervalKind.student, level)
+    method = Method(IntervalKind.student, LEVEL)
     found = pooled(units, np.zeros((0, len(units.sums))), half_traces, method, scales=["log"], sizes=sizes)
     factors = Equations.of(units.sums.sum(axis=0).T).factors
     modelled = factors @ np.array([0.5 * np.trace(component) for component in noise])
@@ -58,6 +54,6 @@ def fitted_curve(
         pl.Series("n", units.sums[..., 0].sum(axis=0).astype(np.int64)),
         pl.Series("n_scenes", found.n_scenes[0]),
         *(pl.Series(name, np.sqrt(values), nan_to_null=True) for name, values in squares.items()),
-        level=pl.lit(level),
+        level=pl.lit(LEVEL),
         resampled=pl.lit(units.resampled, dtype=RESAMPLED),
     ).sort("age")

@@ -124,9 +124,18 @@ class AdjustedDepths:
             other = self.with_camera(Corrections(k1=unit))
         except DataError:
             return None
-        poses, depth_m = self.best.poses, self.best.depth_m
-        moved = self.adjustment.residuals(poses, depth_m) - other.residuals(poses, depth_m)
+        moved = self.by_best - other.residuals(self.best.poses, self.best.depth_m)
         return self.adjustment.faults(self.best, {_RADIAL: moved / unit})[_RADIAL]
+
+    @cached_property
+    def by_stated(self) -> Array:
+        """Residuals (n, 2) of reference tracks by stated poses and depths, px."""
+        return self.adjustment.residuals(self.sequence.world_from_camera, self.stated_m)
+
+    @cached_property
+    def by_best(self) -> Array:
+        """Residuals (n, 2) of reference tracks by the poses and depths that fit them, px."""
+        return self.adjustment.residuals(self.best.poses, self.best.depth_m)
 
     def with_camera(self, corrections: Corrections) -> PoseAdjustment:
         """The adjustment with a corrected camera.

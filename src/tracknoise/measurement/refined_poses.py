@@ -291,18 +291,16 @@ def _compared(
     adjusted: RefinedPoses, depths: AdjustedDepths, faults: FaultBounds, stated: TruthAccuracy, references: float
 ) -> PoseFit:
     """Which poses lead, by what halves of the tracks say and by what is stated."""
-    adjustment, depth_m = depths.adjustment, depths.best.depth_m
+    adjustment, depth_m, best = depths.adjustment, depths.best.depth_m, depths.by_best
     tracks, sequence = adjustment.tracks, adjusted.sequence
     age = tracks.frame - tracks.birth[tracks.track]
     shown, rows = _shown(tracks)
     first, second = (adjustment.residuals(poses, depth_m)[rows] for poses in halves_of(adjusted) or ())
-    best = adjustment.residuals(adjusted.poses, depth_m)
-    by_stated = _by_stated(depths)
-    given_px = size(by_stated[age <= AGE])
-    by_stated -= best
-    next_px = rms(by_stated[age == 1], tracks.frame[age == 1]) if (age == 1).any() else None
+    given_px = size(depths.by_stated[age <= AGE])
+    added = depths.by_stated - best
+    next_px = rms(added[age == 1], tracks.frame[age == 1]) if (age == 1).any() else None
     left_px = float(np.hypot(rms((first - second) / 2.0), faults.left_px))
-    stated_px = rms(by_stated[rows], tracks.frame[rows])
+    stated_px = rms(added[rows], tracks.frame[rows])
     errors = stated_errors(adjusted)
     fit = PoseFit(
         True, references, left_px, stated_px, shown, next_px, errors, depths.corrections, adjusted.joins_depths
@@ -363,16 +361,11 @@ def _is_of_camera(depths: AdjustedDepths, stated_px: float) -> bool:
 
 def _focal_error(depths: AdjustedDepths) -> float:
     """The relative change of the focal length that fits best with stated poses, by least squares without outliers."""
-    missed, moved = _by_stated(depths), depths.displaced[FOCAL]
+    missed, moved = depths.by_stated, depths.displaced[FOCAL]
     used = _young(depths) & np.isfinite(missed + moved).all(axis=1)
     used &= np.linalg.norm(missed, axis=1) < _OUTLIER_SIZES * size(missed[used])
     square = float(np.sum(moved[used].astype(np.float64) ** 2))
     return float(np.sum(moved[used] * missed[used])) / square if square > 0.0 else 0.0
-
-
-def _by_stated(depths: AdjustedDepths) -> Array:
-    """Residuals (n, 2) of reference tracks by stated poses and depths, px."""
-    return depths.adjustment.residuals(depths.sequence.world_from_camera, depths.stated_m)
 
 
 def _is_of_lens(depths: AdjustedDepths) -> bool:
@@ -394,12 +387,9 @@ def _explains_most(depths: AdjustedDepths, correction: dict[str, Any]) -> bool:
         other = depths.with_camera(Corrections(**correction))
     except (DataError, SettingsError):  # numbers that no camera has
         return False
-    tracks, young, best = depths.adjustment.tracks, _young(depths), depths.best
-    residuals = (
-        _by_stated(depths),
-        other.residuals(depths.sequence.world_from_camera, depths.stated_m),
-        depths.adjustment.residuals(best.poses, best.depth_m),
-    )
+    tracks, young = depths.adjustment.tracks, _young(depths)
+    by_other = other.residuals(depths.sequence.world_from_camera, depths.stated_m)
+    residuals = (depths.by_stated, by_other, depths.by_best)
     kind = tracks.kind[tracks.track]
     for of_kind in (young & (kind == number) for number in np.unique(kind)):
         before, after, by_refined = (size(one[of_kind]) ** 2 for one in residuals)

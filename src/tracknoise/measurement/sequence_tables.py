@@ -48,7 +48,8 @@ def setup_tables(
     The true positions of a second truth are among the observations, if there is one. `of_second`: the sequence as its
     second camera sees it, for trackers of that.
     """
-    further = {**_second_truth(second), **_pair(recording, positions, of_second)}
+    of_other = _named(None if second is None else second.uv, schema.SECOND_TRUTH)
+    further = {**of_other, **_pair(recording, positions, of_second)}
     return (
         _table({**_observations(recording, positions), **further}, schema.OBSERVATIONS, sequence, setup),
         _table(_tracks(recording, positions, reports_causes(setup.settings)), schema.TRACKS, sequence, setup),
@@ -78,7 +79,7 @@ def _observations(recording: Recording, positions: TruePositions) -> dict[str, p
         "kept": pl.repeat(True, len(error), eager=True),
         **_covariance(positions.covariance, schema.TRUE_COVARIANCE),
         **_covariance(positions.leverage, schema.LEVERAGE),
-        **_epipolar(positions.epipolar),
+        **_named(positions.epipolar, schema.EPIPOLAR),
         **{schema.QUALITY_PREFIX + name: _nullable(values) for name, values in recording.quality.items()},
     }
 
@@ -86,14 +87,7 @@ def _observations(recording: Recording, positions: TruePositions) -> dict[str, p
 def _covariance(covariance: NDArray[np.float64] | None, names: schema.Schema) -> dict[str, pl.Series]:
     if covariance is None:
         return {}
-    values = covariance[:, [0, 0, 1], [0, 1, 1]].T
-    return {name: _nullable(column) for name, column in zip(names, values, strict=True)}
-
-
-def _second_truth(second: TruePositions | None) -> dict[str, pl.Series]:
-    if second is None:
-        return {}
-    return {name: _nullable(column) for name, column in zip(schema.SECOND_TRUTH, second.uv.T, strict=True)}
+    return _named(covariance[:, [0, 0, 1], [0, 1, 1]], names)
 
 
 def _pair(recording: Recording, positions: TruePositions, view: Beside | None) -> dict[str, pl.Series]:
@@ -111,10 +105,11 @@ def _pair(recording: Recording, positions: TruePositions, view: Beside | None) -
     return {name: _nullable(column) for name, column in zip(schema.PAIR, values, strict=True)}
 
 
-def _epipolar(epipolar: NDArray[np.float64] | None) -> dict[str, pl.Series]:
-    if epipolar is None:
+def _named(values: NDArray[np.float64] | None, names: schema.Schema) -> dict[str, pl.Series]:
+    """Columns of values (n, k) by their names; none where there are no values."""
+    if values is None:
         return {}
-    return {name: _nullable(column) for name, column in zip(schema.EPIPOLAR, epipolar.T, strict=True)}
+    return {name: _nullable(column) for name, column in zip(names, values.T, strict=True)}
 
 
 def _tracks(recording: Recording, positions: TruePositions, has_causes: bool) -> dict[str, pl.Series]:

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from tracknoise.truth.uncertainty import AnchoredPoints, PoseLaws, Uncertainty
 
 
-_ENTRIES = ((0, 0), (0, 1), (1, 1))
+_ENTRIES = {"sum_uu": (0, 0), "sum_uv": (0, 1), "sum_vv": (1, 1)}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -76,7 +76,7 @@ class FloorSums:
         counted = np.flatnonzero(self._places.counted[rows])
         at = self._at[rows][counted]
         for place, source in enumerate(self._sources):
-            for column, (row, other) in enumerate(_ENTRIES):
+            for column, (row, other) in enumerate(_ENTRIES.values()):
                 self._squares[place, :, column] += self._binned(at, found.covariance[source][counted, row, other])
         for source, moved in found.moved_px.items():
             totals = self._own if source == FloorSource.depth else self._shared
@@ -98,7 +98,7 @@ class FloorSums:
         parts = [
             pl.DataFrame({"at": at, "n": self._n[at]}).with_columns(
                 pl.lit(source, dtype=FLOOR_SOURCE).alias("source"),
-                *_columns(("sum_uu", "sum_uv", "sum_vv"), self._squares[place, at]),
+                *_columns(tuple(_ENTRIES), self._squares[place, at]),
                 *_columns(("own_uu", "own_vv"), self._own[place, at]),
                 *_columns(("shared_u", "shared_v"), self._shared[place, at]),
                 axis=pl.lit(self._places.axis, dtype=AXIS),
@@ -208,8 +208,7 @@ class TruthFloor:
         at = (age if self.key_frame is None else recording.frame)[counted].astype(np.intp)
         number = np.bincount(at)
         seen = np.flatnonzero(number)
-        entries = {"sum_uu": (0, 0), "sum_uv": (0, 1), "sum_vv": (1, 1)}
-        sums = {name: np.bincount(at, covariance[counted, *entry])[seen] for name, entry in entries.items()}
+        sums = {name: np.bincount(at, covariance[counted, *entry])[seen] for name, entry in _ENTRIES.items()}
         of_mean = None if covariance.any() else 0.0
         table = pl.DataFrame({"at": seen, "n": number[seen], **sums}).with_columns(
             pl.lit(FloorSource.all, dtype=FLOOR_SOURCE).alias("source"),

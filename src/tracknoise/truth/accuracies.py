@@ -138,7 +138,7 @@ def _statements(sequence: Sequence, rule: AccuracyRule) -> Iterator[TruthAccurac
     yield accuracy_of(sequence)
     left_out = {"readout"} if shutter_of(sequence) is not None else set()
     if has_other_poses(sequence):
-        left_out |= {"rotation", "translation", "clock"}
+        left_out |= POSE_TOPICS
     for row in shipped_rows() if rule.shipped else ():
         if row.is_about(sequence.id):
             yield row.accuracy.without(left_out)

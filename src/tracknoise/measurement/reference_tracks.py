@@ -198,22 +198,15 @@ def _joined(sequence: Sequence, n_frames: int, table: pl.DataFrame) -> Reference
 
 def with_depths(sequence: Sequence, tracks: ReferenceTracks) -> ReferenceTracks:
     """The tracks with the depths of a sequence, where it has one."""
-    depth_m, sigma = _depths(SequenceGeometry(sequence), tracks.birth, tracks.birth_uv)
-    return replace(tracks, depth_m=depth_m, depth_sigma=sigma)
-
-
-def _depths(
-    geometry: SequenceGeometry, birth: NDArray[np.intp], uv: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depth of tracks at their birth, metres, NaN where there is none, and its relative standard deviation."""
-    depth_m, sigma = np.full((2, len(birth)), np.nan)
-    for index in np.unique(birth).tolist():
-        rows = np.flatnonzero(birth == index)
+    geometry = SequenceGeometry(sequence)
+    depth_m, sigma = np.full((2, len(tracks.birth)), np.nan)
+    for index in np.unique(tracks.birth).tolist():
+        rows = np.flatnonzero(tracks.birth == index)
         depth = geometry.depth(index)
         if depth is None:
             continue
-        read = sample(depth, uv[rows], geometry.camera_at(index))
+        read = sample(depth, tracks.birth_uv[rows], geometry.camera_at(index))
         usable = rows[read.valid & ~read.edge]
         depth_m[usable] = read.depth_m[read.valid & ~read.edge]
         sigma[usable] = np.maximum(depth.accuracy.sigma_m(depth_m[usable]) / depth_m[usable], _DEPTH_RELATIVE)
-    return depth_m, sigma
+    return replace(tracks, depth_m=depth_m, depth_sigma=sigma)

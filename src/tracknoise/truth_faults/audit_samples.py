@@ -357,12 +357,12 @@ class AuditSamples:
         names = ["tracker", "age", "birth", "now", "uv_at_birth", "observed", "stated", "depth"]
         names += ["depth_sd"] if self.depth_sd is not None else []
         columns = {name: getattr(self, name)[rows] for name in names}
-        cluster, block = _numbered(self.cluster[rows]), _numbered(self.block[rows])
+        cluster, block = numbered(self.cluster[rows]), numbered(self.block[rows])
         return replace(self, cluster=cluster, block=block, **columns)
 
 
-def _numbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
-    """The same labels from 0, without gaps."""
+def numbered(labels: NDArray[np.intp]) -> NDArray[np.intp]:
+    """The same labels (n,) from 0, without gaps."""
     return np.unique(labels, return_inverse=True)[1].astype(np.intp)
 
 

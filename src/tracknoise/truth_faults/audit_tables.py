@@ -19,7 +19,7 @@ from tracknoise.tables.schema import check, empty
 from tracknoise.tables.truth_audit import AUDIT, AUDIT_CURVES, EVERYTHING, MEASURED, AuditTables, AuditVerdict
 from tracknoise.text import counted
 from tracknoise.truth_faults.audit_fit import Gain, ResampledFit, curves, fit, second_moments
-from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of
+from tracknoise.truth_faults.audit_samples import AuditSamples, DepthRepeats, Paths, instants_of, numbered
 from tracknoise.truth_faults.audit_selection import (
     Assessment,
     Basis,
@@ -259,8 +259,7 @@ def _clusters(table: pl.DataFrame, groups: SceneGroups) -> tuple[NDArray[np.intp
     within = table["block"].to_numpy().astype(np.intp) // BLOCKS_JOINED
     block = scene * (int(within.max(initial=0)) + 1) + within
     number = {Resampled.groups: group[scene], Resampled.blocks: block}.get(resampled, scene)
-    cluster, block = (np.unique(labels, return_inverse=True)[1].astype(np.intp) for labels in (number, block))
-    return cluster, block, resampled, len(scenes)
+    return numbered(number), numbered(block), resampled, len(scenes)
 
 
 Row = dict[str, Any]

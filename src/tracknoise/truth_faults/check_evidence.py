@@ -20,7 +20,7 @@ from tracknoise.sequences.sequence import Sequence, shutter_of, times_of
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.tables.identity import SequenceId
 from tracknoise.tables.schema import ORIGIN, RIGID, SEQUENCE, check
-from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, in_order
+from tracknoise.truth_faults.audit_samples import AuditSamples, Paths, in_order, numbered
 from tracknoise.truth_faults.audit_tables import BLOCKS_JOINED, enough, surrounded
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.depth_repeats import repeats_of_pairs
@@ -98,7 +98,7 @@ class Followed:
         first = place[points.first]
         visits = first_visits(evidence.poses[read])
         block = visits[number[first]] * BLOCKS // (BLOCKS_JOINED * len(visits))
-        cluster = np.unique(block, return_inverse=True)[1].astype(np.intp)
+        cluster = numbered(block)
         shutter, n = shutter_of(sequence), len(first)
         samples = AuditSamples(
             trackers=(NAME,),

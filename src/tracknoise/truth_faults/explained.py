@@ -39,7 +39,7 @@ from numpy.typing import NDArray
 from tracknoise.inference.robust_fits import LEAST_PX, scales, summed
 from tracknoise.statistics.definitions import REFERENCE_AGE
 from tracknoise.truth_faults.audit_fit import MEDIAN_TO_CORE, Gain, gain, jackknife_half_width, losses
-from tracknoise.truth_faults.audit_samples import AuditSamples
+from tracknoise.truth_faults.audit_samples import AuditSamples, numbered
 from tracknoise.truth_faults.corrected_positions import predict
 from tracknoise.truth_faults.fault_parameters import COUNT, Parameter, furthest
 from tracknoise.truth_faults.pose_errors import CUT
@@ -224,7 +224,7 @@ def _cells(group: NDArray[np.intp], length: NDArray[np.float64]) -> tuple[NDArra
 
     A group with few errors has fewer cells: without its ages, whose errors are the largest, shares would be too small.
     """
-    place = np.unique(group, return_inverse=True)[1].astype(np.intp)
+    place = numbered(group)
     order = np.lexsort((length, place))
     start = np.searchsorted(place[order], np.arange(place.max(initial=0) + 2))
     rank = np.empty(len(order), np.intp)
@@ -260,14 +260,17 @@ class _Cells:
         Of errors that are none it is nearly 0.
         """
         weight = self.count / self.typical
-        total = np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2)
-        return float(np.sum(weight * part)) / float(np.sum(weight * total))
+        return float(np.sum(weight * part)) / float(np.sum(weight * self.total))
+
+    @property
+    def total(self) -> NDArray[np.float64]:
+        """Both variances of each cell together, (cells,), px^2."""
+        return np.asarray(np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2))
 
     @property
     def typical(self) -> NDArray[np.float64]:
         """Mean of both variances together in the group of each cell, (cells,), which no cell decides, px^2."""
-        total = np.maximum(self.variance.sum(axis=1), 2.0 * LEAST_PX**2)
-        means = np.bincount(self.group, self.count * total) / np.maximum(np.bincount(self.group, self.count), 1)
+        means = np.bincount(self.group, self.count * self.total) / np.maximum(np.bincount(self.group, self.count), 1)
         return np.asarray(means[self.group])
 
 

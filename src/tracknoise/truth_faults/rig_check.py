@@ -197,8 +197,7 @@ class _Pair:
         if not parts:
             empty = np.empty((0, 2))
             return _Points(np.empty(0, np.intp), empty, empty, empty, np.empty(0))
-        names = ("frame", "first_uv", "second_uv", "moves", "inverse_m")
-        return _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+        return _Points(*(np.concatenate([getattr(part, name) for part in parts]) for name in _Points.__slots__))
 
     def mistakes(self) -> Iterator[tuple[str, StereoPair]]:
         """What may be wrong with the rig, and the rig without it."""

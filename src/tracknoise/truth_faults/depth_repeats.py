@@ -110,11 +110,6 @@ def repeatability(evidence: Evidence) -> Item | None:
     return Item("depth repeatability", Severity.ok, text, values)
 
 
-def _joined(pairs: ListOf[tuple[Array, Array]]) -> DepthRepeats:
-    depths, differences = (np.concatenate([np.empty(0), *(pair[side] for pair in pairs)]) for side in (0, 1))
-    return _by_depth(depths, differences)
-
-
 def _of_one_surface(depth_m: Array, difference: Array) -> tuple[Array, Array]:
     """Depths of points, and their differences without the median, of those that are seen in both frames."""
     same = np.abs(difference) < _MOST_RELATIVE
@@ -123,8 +118,9 @@ def _of_one_surface(depth_m: Array, difference: Array) -> tuple[Array, Array]:
     return depth_m[same], difference[same] - np.median(difference[same])
 
 
-def _by_depth(depth_m: Array, difference: Array) -> DepthRepeats:
-    """Robust standard deviations of one map in cells of like depth and number."""
+def _joined(pairs: ListOf[tuple[Array, Array]]) -> DepthRepeats:
+    """Robust standard deviations of one map in cells of like depth and number, of all pairs of maps."""
+    depth_m, difference = (np.concatenate([np.empty(0), *(pair[side] for pair in pairs)]) for side in (0, 1))
     cells = min(DEPTH_CELLS, len(depth_m) // _LEAST_IN_CELL)
     parts = np.array_split(np.argsort(depth_m, kind="stable"), cells) if cells else []
     return DepthRepeats(

@@ -562,13 +562,11 @@ def _component(entries: Array, bounds: Sequence[tuple[float, float]]) -> Compone
 
 def _none(dropped: Mapping[int, Dropped]) -> dict[int, Component]:
     """Components without noise."""
-    found = {number: Interval(value=0.0, low=_dropped_bound(one), high=one.most_px) for number, one in dropped.items()}
-    return {number: replace(NO_COMPONENT, sigma=found[number], why_dropped=one.why) for number, one in dropped.items()}
-
-
-def _dropped_bound(one: Dropped) -> float | None:
-    """Lower bound of a component that was dropped; None where there is no interval."""
-    return None if one.most_px is None else 0.0
+    found = {}
+    for number, one in dropped.items():
+        sigma = Interval(value=0.0, low=None if one.most_px is None else 0.0, high=one.most_px)
+        found[number] = replace(NO_COMPONENT, sigma=sigma, why_dropped=one.why)
+    return found
 
 
 def _root_interval(square: float, low: float, high: float) -> Interval:

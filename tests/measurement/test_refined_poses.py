@@ -148,3 +148,15 @@ def test_other_kinds_of_truth_keep_their_poses():
     found, fit = refined(sequence, "scan", DEFAULT_RULE, FRAMES)
     assert found is sequence
     assert "scan" in fit.reason
+
+
+@pytest.mark.parametrize("width", [85, 110])
+def test_exact_poses_stay_where_half_of_the_image_moves_by_itself(width):
+    """Without depth, refined poses may be those of a camera before the part that moves."""
+    other = POSES.copy()
+    other[:, :3, 3] += np.arange(FRAMES)[:, None] * [0.05, 0.0, 0.0]
+    halves = zip(IMAGES, images_of(other), strict=True)
+    images = [np.hstack([still[:, :width], moved[:, width:]]) for still, moved in halves]
+    found, fit = refined(recorded(POSES, images, None), "birth", DEFAULT_RULE, FRAMES)
+    assert not fit.leads, fit
+    assert found.world_from_camera is POSES

@@ -129,6 +129,14 @@ def test_parts_of_the_scene_that_move_are_named_before_motions_of_the_camera() -
     assert found.step.startswith("Measure a scene that stands still")
 
 
+def test_parts_of_the_scene_that_move_are_named_where_nothing_is_established() -> None:
+    unclear = {"pose_shares": poses(lk=((0.3, 0.0, 0.9), None))}
+    found = verdict(**unclear, moving="Parts of the scene probably move.")
+    assert found.text.startswith("Parts of the scene probably move. Errors of the truth may explain up to")
+    assert (found.verdict, found.step[:29]) == (Trust.unknown, "Measure a scene that stands s")
+    assert "depths" in verdict(**unclear).step or "poses" in verdict(**unclear).step
+
+
 def test_a_motion_that_constant_faults_explain_as_well_is_called_either() -> None:
     """Depths that are wrong by their distance look like motions of the camera where the scene changes little."""
     seen = {"pose_shares": poses(lk=((0.31, 0.27, 0.35), (0.31, 0.27, 0.35)))}

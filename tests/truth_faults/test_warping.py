@@ -45,7 +45,14 @@ def test_parts_of_the_scene_that_move_are_distinguished_from_wrong_poses(tartana
 
 
 def test_the_share_of_points_that_fit_is_measured(tartanair):
-    assert moving_scene(with_traffic(tartanair, 0.6)).share == pytest.approx(0.4, abs=0.1)
+    assert moving_scene(with_traffic(tartanair, 0.6), least_others=0.0).share == pytest.approx(0.4, abs=0.1)
+
+
+@pytest.mark.parametrize(("share", "is_named"), [(0.05, False), (0.4, True)])
+def test_parts_that_move_are_named_where_most_points_stand_still(tartanair, share, is_named):
+    item = warping(with_traffic(tartanair, share))
+    assert ("probably move" in item.text) == is_named
+    assert item.severity is (Severity.caveat if is_named else Severity.ok)
 
 
 def test_wrong_poses_are_no_moving_parts(tartanair):

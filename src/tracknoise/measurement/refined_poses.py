@@ -311,6 +311,14 @@ def _compared(
             f"Poses are not refined: no poses fit the stated camera and depths ({pixels(residual_px)} px are left)."
         )
         return PoseFit(False, references, reason=reason)
+    if not adjustment.has_depth:  # where parts of the scene move, refined poses may be about these
+        by_poses = (
+            adjustment.epipolar_distances(poses, rows) for poses in (sequence.world_from_camera, adjusted.poses)
+        )
+        by_stated, by_refined = map(np.nanmedian, by_poses)
+        if by_stated < by_refined:
+            reason = "Poses are not refined: stated ones fit reference tracks better."
+            return PoseFit(False, references, reason=reason)
     of_camera = "Poses are not refined: an error of the camera or of the kind of depth causes much of the errors."
     if _is_of_camera(depths, given_px):
         return replace(fit, leads=False, reason=of_camera)

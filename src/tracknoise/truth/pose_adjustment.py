@@ -231,7 +231,7 @@ class PoseAdjustment:
         if self._row_poses.rows is not None:
             self._in_frame = invert(self._stated)[tracks.birth] @ self._row_poses.at(tracks.birth, tracks.birth_uv)
         stated_m = tracks.depth_m[np.isfinite(tracks.depth_m)]
-        self._has_depth = bool(len(stated_m))
+        self.has_depth = bool(len(stated_m))
         self._chunks = _chunks(tracks)
         self._reach = max((int((chunk.frame - chunk.birth).max(initial=1)) for chunk in self._chunks), default=1)
         self._depth_prior = np.where(np.isfinite(tracks.depth_m), tracks.depth_sigma, np.inf)
@@ -290,9 +290,19 @@ class PoseAdjustment:
         points = transform(poses[anchor], self._rays[track] * depth_m[track, None])
         return AnchoredPoints(anchor.astype(np.intp), self.tracks.frame[rows].astype(np.intp), points)
 
+    def epipolar_distances(self, poses: Array, rows: NDArray[np.bool_]) -> Array:
+        """Distances of observations from the epipolar lines of their first positions, (n,), in focal lengths."""
+        track, frame = self.tracks.track[rows], self.tracks.frame[rows]
+        relative = invert(poses[frame]) @ poses[self.tracks.birth[track]]
+        turned = (relative[:, :3, :3] @ self._rays[track][:, :, None])[:, :, 0]
+        lines = np.cross(relative[:, :3, 3], turned)
+        seen = self._cameras.chosen(frame).bearings(self.tracks.uv[rows])
+        with np.errstate(divide="ignore", invalid="ignore"):  # of frames at one place
+            return np.asarray(np.abs(np.sum(lines * seen, axis=1)) / np.hypot(lines[:, 0], lines[:, 1]))
+
     def parallax_px(self) -> float:
         """Median parallax of the tracks by the stated poses, px; infinite where depths are known without it."""
-        if self._has_depth:
+        if self.has_depth:
             return np.inf
         far = 1e6 * self._start.depth_m
         near = self.residuals(self._stated, self._start.depth_m)
@@ -527,7 +537,7 @@ class PoseAdjustment:
             return stated_m.copy()
         moved_m = np.linalg.norm(np.diff(self._stated[self._posed, :3, 3], axis=0), axis=1)
         unit = max(float(np.median(moved_m)) if len(moved_m) else 0.0, 1e-6)
-        if self._has_depth:
+        if self.has_depth:
             given_m = stated_m[~unknown]
             tried = np.geomspace(0.3 * given_m.min(), 3.0 * given_m.max(), _HYPOTHESES)
         else:

@@ -558,6 +558,9 @@ def _measured(evidence: TruthEvidence, worst: _Bounds, faults: _Named) -> _Found
     of_faults = _small_faults(evidence, faults) if faults.rows else _like_bias(evidence.audit)
     cause = TruthCause.depths if noise else worst.largest
     step = _corrected(evidence, faults) if faults.rows else _of_cause(evidence, worst, cause)
+    if worst.high > MOST and evidence.moving and not faults.rows:
+        text = f"{evidence.moving} Errors of the truth may explain up to {part}.{size}{noise}"
+        return _Found(Trust.unknown, text, _STILL)
     if worst.high > MOST:
         nothing = "" if faults.rows else ", but no cause is established"
         text = f"Errors of the truth may explain up to {part}{nothing}.{size}{_of_causes(worst)}{of_faults}{noise}"

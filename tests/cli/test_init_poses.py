@@ -230,3 +230,14 @@ def test_images_that_show_nothing_give_no_poses(tracknoise, files):
     code, _, err = tracknoise("init", str(files / "shots"), "--camera", str(files / "cam.json"), "-o", str(files / "x"))
     assert code == 1
     assert "images from which COLMAP reconstructs no poses" in err
+
+
+def test_a_recording_whose_images_cannot_be_read_is_refused(tracknoise, files):
+    first = files / "shots" / "shot0.png"
+    cv2.imwrite(str(first), cv2.imread(str(first), cv2.IMREAD_GRAYSCALE)[::2, ::2])
+    arguments = [str(files / "shots"), "--camera", str(files / "cam.json"), "--trajectory", str(files / "tum.txt")]
+    code, _, err = tracknoise("init", *arguments, "-o", str(files / "x.toml"))
+    assert code == 1
+    assert "expected the camera's" in " ".join(err.split())
+    assert "--trajectory FILE" not in err
+    assert not (files / "x.toml").exists()

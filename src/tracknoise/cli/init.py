@@ -168,7 +168,7 @@ def _lacks_poses_alone(opened: "Recording") -> bool:
     if not isinstance(opened.reader, ImageReader):
         return False
     try:
-        opened.reader.open_images(opened.reader.recordings()[0])
+        opened.reader.open_images(opened.reader.recordings()[0]).image(0)
     except DataError:
         return False
     return True

@@ -62,10 +62,12 @@ def experiment_template(
     Raises
     ------
     DataError
-        If the reader finds no sequence, cannot open the first, or that has no second camera for depth from stereo.
+        If the reader finds no sequence, cannot open the first or read its first image, or that has no second camera for
+        depth from stereo.
     """
     listed = reader.sequences()
     first = reader.open(listed[0])
+    first.image(0)
     if stereo:
         first = with_stereo_depth(first)
     scenes = list(dict.fromkeys(item.scene for item in listed))

@@ -105,6 +105,12 @@ def test_a_principal_point_that_only_imported_tracks_want_may_be_a_shift_of_thes
     assert "shifted" in verdict(**shown, confirmed_share=0.9).step
 
 
+def test_where_most_frames_lack_a_pose_more_frames_do_not_help() -> None:
+    nothing = {"audit": audit().clear(), "sizes": {}, "pose_shares": poses()}
+    assert "more frames or scenes" in verdict(**nothing).step
+    assert "poses of more frames" in verdict(**nothing, lacks_poses=True).step
+
+
 def test_wrong_tracks_say_nothing_about_the_truth() -> None:
     shown = {"audit": audit(named=(0.6, 0.5, 0.7)), "mistakes": ["Poses are inverted."]}
     found = table(

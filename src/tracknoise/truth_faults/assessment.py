@@ -102,6 +102,8 @@ class TruthEvidence:
         Whether the truth measures the errors of its depths, so that none are to be stated.
     moving
         That parts of the scene move, a sentence; empty where this is not seen.
+    lacks_poses
+        Whether most frames have no pose.
     of_images
         How well rotations and directions of motion fit images without depth, in sentences; empty where this is unknown.
     pose_fits
@@ -124,6 +126,7 @@ class TruthEvidence:
     is_fitted: bool = False
     measures_depths: bool = False
     moving: str = ""
+    lacks_poses: bool = False
     of_images: str = ""
     pose_fits: Sequence[PoseFit | None] = ()
     is_check: bool = False
@@ -581,6 +584,7 @@ def _unmeasured(evidence: TruthEvidence, sizes: Mapping[str, _Size]) -> _Found:
     why = (evidence.audit.filter(pl.col("family").is_null())["text"].to_list() or [_TOO_FEW])[0]
     noise, caution = _noise_text(evidence), _caution(evidence)
     step = _SMOOTH if noise else _correct_data(evidence) if evidence.cautions else _MORE_DATA
+    step = _MORE_POSES if evidence.lacks_poses else step
     if stated and not noise and all(share is not None and share < _EXACT for share in stated):
         return _Found(Trust.trusted, f"{_STATED_EXACT} The tracks cannot show whether it is.")
     parts = [share for share in stated if share is not None]
@@ -721,6 +725,7 @@ _WITHOUT_DEPTHS = "The recording has no depth maps, and a check computes no dept
 _MEASURED_STEP = "Use `tracknoise run`: it computes depths from the images, and says how far they can be trusted."
 _FITTED_STEP = "Use a truth with depth, such as stereo depth maps, a scan, or a reconstruction."
 _STATED_EXACT = "The truth is stated to be exact."
+_MORE_POSES = "Use poses of more frames: with `--trajectory FILE`, those between key frames are interpolated."
 _SHIFTED = " Or positions of the tracks are shifted, as those in cropped images are: then correct them instead."
 _MORE_DATA = "Measure more frames or scenes, or state the accuracy of poses and depths in [truth.accuracy]."
 _SMOOTH = "Smooth the depth maps, or use others: their noise looks like edges, and more frames do not help."

@@ -196,16 +196,22 @@ def _from_images(sequence: Sequence, evidence: Evidence) -> Iterator[Item]:
 
 
 def _of_leading(stated: list[Item], leading: list[Item]) -> list[Item]:
-    """Items about stated poses; what makes results wrong with these alone is to be kept in mind."""
+    """Items about stated poses; what makes results wrong with these alone is to be kept in mind.
+
+    What poses are used for, to measure camera and depths, is by the leading ones.
+    """
+    by_leading = {item.topic: item for item in leading}
+    found = [by_leading.get(item.topic, item) if item.topic in _OF_CAMERA_AND_DEPTHS else item for item in stated]
     wrong = {item.topic for item in leading if item.severity is Severity.fatal}
     return [
         replace(item, severity=Severity.caveat, text=f"{item.text} {_STATED_ALONE}")
         if item.severity is Severity.fatal and item.topic not in wrong
         else item
-        for item in stated
+        for item in found
     ]
 
 
+_OF_CAMERA_AND_DEPTHS = ("focal length", "depth repeatability")
 _STATED_ALONE = "This holds for the stated poses, and not for the refined ones."
 
 

@@ -100,7 +100,7 @@ def _answer(gate: Gate, tested: Tested, beyond: float) -> tuple[str, str | None]
         return WORSE, None
     gap = tested.gap or tested.asked.hides_worse
     if gap is None and is_below(tests.sides[tested.asked.worse].p_within, gate.level):
-        return PASS, None
+        return PASS, tested.asked.until
     contains = tests.straddles(gate.margin(tested.asked))
     return UNDECIDED, gap or ("the interval contains the tolerance" if contains else UNSURE)
 

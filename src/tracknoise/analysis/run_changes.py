@@ -156,7 +156,13 @@ class Asked(OfEstimand):
     def hides_worse(self) -> str | None:
         """Why a change for the worse could be larger than it looks; None if there is no such reason."""
         second, first = self.values.scarce[0]
-        return None if second and not first else self.values.gap
+        return None if self.until or (second and not first) else self.values.gap
+
+    @property
+    def until(self) -> str | None:
+        """Up to what horizon lifetimes are those asked for, where most tracks outlive it; otherwise None."""
+        horizon, gap = self.values.horizon[0], self.values.gap
+        return None if gap is None or np.isnan(horizon) else f"up to {horizon:g} frames; {gap}"
 
     def tested(self, margin: float, *, level: float, ages: ComparedAges) -> "Tested":
         """Test both directions against a margin, of logarithms for ratios and otherwise in the unit."""

@@ -182,7 +182,7 @@ def intervals_words(rows: Sequence[Row], level: float) -> str:
 
 _HEADINGS = ("statistic", "verdict", "change (interval)", "where", "scenes", "remark")
 _NUMERIC = (False, False, True, False, True, False)
-_GATE_HEADINGS = ("statistic", "outcome", "change (interval)", "tolerance", "why undecided")
+_GATE_HEADINGS = ("statistic", "outcome", "change (interval)", "tolerance", "remark")
 
 
 def title_words(comparison: Comparison, *sides: RunSide) -> str:

@@ -276,7 +276,8 @@ class _Timed:
         of_frames[frames] = _in_order(self.path, self.rows, self.places)
         without = int(np.count_nonzero(~has_pose(of_frames)))
         lost = (f"{counted_of(without, count, 'frame', 'has', 'have')} no pose",) if without else ()
-        return of_frames, None, (*self.notes, f"their times are numbers of frames, from {first}", *lost)
+        also = "; counted from 1 they fit as well" if not first and frames.min() > 0 else ""
+        return of_frames, None, (*self.notes, f"their times are numbers of frames, from {first}{also}", *lost)
 
     def _of_untimed(self, sequence: Sequence) -> Found:
         """Poses in order."""

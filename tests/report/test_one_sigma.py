@@ -75,7 +75,7 @@ def test_what_to_set_has_all_that_belongs_to_sigma(fitted_run: RunFolder) -> Non
         own = [written[f"up_{name}_{key}"] for key in ("sigma_px", "chi2_multipler")]
         assert own == [number(one) for one in pair]
     assert f"features in the state: sigma {gated.state_sigma_px:.3g} px" in header
-    assert f"observation gate {gated.observation_gate:.3g} x chi2(.95), in simulated windows of 30 frames" in header
+    assert f"observation gate {gated.observation_gate:.3g} x chi2(.95), in simulated windows of 60 frames" in header
     with pytest.raises(UnknownNameError, match="estimator"):
         run.sigma("nothing like it")
 

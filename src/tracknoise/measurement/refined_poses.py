@@ -311,6 +311,13 @@ def _compared(
             f"Poses are not refined: no poses fit the stated camera and depths ({pixels(residual_px)} px are left)."
         )
         return PoseFit(False, references, reason=reason)
+    of_camera = "Poses are not refined: an error of the camera or of the kind of depth causes much of the errors."
+    if _is_of_camera(depths, given_px):
+        return replace(fit, leads=False, reason=of_camera)
+    most_px = max(stated_px, next_px or 0.0)  # errors that repeat may be the same in both frames
+    if not (most_px > max(_clearly(len(adjusted.poses)) * left_px, _LEAST_PX) or adjusted.joins_depths):
+        reason = "The stated poses differ from refined ones by less than reference tracks can resolve."
+        return replace(fit, leads=False, reason=reason)
     if not adjustment.has_depth:  # where parts of the scene move, refined poses may be about these
         by_poses = (
             adjustment.epipolar_distances(poses, rows) for poses in (sequence.world_from_camera, adjusted.poses)
@@ -319,13 +326,6 @@ def _compared(
         if by_stated < by_refined:
             reason = "Poses are not refined: stated ones fit reference tracks better."
             return PoseFit(False, references, reason=reason)
-    of_camera = "Poses are not refined: an error of the camera or of the kind of depth causes much of the errors."
-    if _is_of_camera(depths, given_px):
-        return replace(fit, leads=False, reason=of_camera)
-    most_px = max(stated_px, next_px or 0.0)  # errors that repeat may be the same in both frames
-    if not (most_px > max(_clearly(len(adjusted.poses)) * left_px, _LEAST_PX) or adjusted.joins_depths):
-        reason = "The stated poses differ from refined ones by less than reference tracks can resolve."
-        return replace(fit, leads=False, reason=reason)
     if _is_of_lens(depths):
         return replace(fit, leads=False, reason=of_camera)
     if not {"rotation", "translation"} <= stated.topics:

@@ -96,24 +96,28 @@ def require_bounds(settings: Any) -> None:
 @cache
 def _counts_of(settings_type: type) -> dict[str, int]:
     """How many values the fields have that are tuples of a fixed length."""
-    found = {}
-    for name, hint in get_type_hints(settings_type).items():
-        for kind in get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,):
-            if get_origin(kind) is tuple and Ellipsis not in get_args(kind):
-                found[name] = len(get_args(kind))
-    return found
+    return {
+        name: len(get_args(kind))
+        for name, kinds in _kinds_of(settings_type)
+        for kind in kinds
+        if get_origin(kind) is tuple and Ellipsis not in get_args(kind)
+    }
 
 
 @cache
 def _settings_among(settings_type: type) -> dict[str, tuple[type, ...]]:
     """The fields that are dataclasses themselves, and the classes that their values may have."""
-    hints = get_type_hints(settings_type).items()
-    kinds = {name: get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,) for name, hint in hints}
     return {
         name: parts
-        for name, parts in kinds.items()
+        for name, parts in _kinds_of(settings_type)
         if any(map(is_dataclass, parts)) and all(isinstance(part, type) for part in parts)
     }
+
+
+def _kinds_of(settings_type: type) -> Iterator[tuple[str, tuple[Any, ...]]]:
+    """The fields, and the types that their values may have."""
+    for name, hint in get_type_hints(settings_type).items():
+        yield name, get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
 
 
 def require_within(field: str, value: object, bounds: Mapping[str, float]) -> None:

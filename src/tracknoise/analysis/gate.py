@@ -203,8 +203,8 @@ def read_gate(path: Path, statistics: Collection[str]) -> Gate:
         If it cannot be read, or a key or value is wrong.
     """
     content = dict(_loaded(path))
-    for name in [name for name in content if name in statistics]:
-        raise SettingsError(f"{path}: {name}: found outside of a table, expected it below a line [tolerances]")
+    if misplaced := [name for name in content if name in statistics]:
+        raise SettingsError(f"{path}: {misplaced[0]}: found outside of a table, expected it below a line [tolerances]")
     tolerances = _tolerances(path, content.pop("tolerances", {}), statistics)
     for key, value in content.items():
         if key not in _KEYS:

@@ -1,9 +1,9 @@
 """``tracknoise export``: the noise of a tracker in the syntax of an estimator, from a run or from a noise model."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -83,6 +83,7 @@ def export(
     """
     from tracknoise.cli.output_files import require_outputs
     from tracknoise.exceptions import SettingsError
+    from tracknoise.tables.store import RunFolder
 
     if source is None and to is None:
         context.obj.result(_estimators())
@@ -93,10 +94,12 @@ def export(
     reasons = _reasons(allow)
     form = _form(to, tracks)
     require_outputs([("--model", model)], inputs=[source, tracks])
-    target = _target(source, form, focal, rate, window, reasons)
+    settings = RunFolder(source).settings() if source.is_dir() else {}
+    about = str(settings.get("estimator", {}).get("name", _KIND)) if form == _TEXT else form
+    target = _target(settings, about, focal, rate, window, reasons)
     sources = _sources(context.obj, source, form, model, tracker, speed, accepted=UNTRUSTED in reasons, force=force)
     for item in sources:
-        _write(context.obj, item, form, target, tracks, out, accepted=UNTRUSTED in reasons, force=force)
+        _write(context.obj, item, form, about, target, tracks, out, accepted=UNTRUSTED in reasons, force=force)
     return 0
 
 
@@ -131,18 +134,21 @@ def _reasons(allow: Sequence[str] | None) -> frozenset[str]:
 
 
 def _target(
-    source: Path, form: str, focal: float | None, rate: float | None, window: int | None, reasons: frozenset[str]
+    settings: Mapping[str, Any],
+    about: str,
+    focal: float | None,
+    rate: float | None,
+    window: int | None,
+    reasons: frozenset[str],
 ) -> "Target":
     """What is stated, and else the window and the features that the experiment of a run has for this estimator."""
     from tracknoise.estimators.exports import FocalChange, RateChange, asked
     from tracknoise.exceptions import SettingsError
-    from tracknoise.tables.store import RunFolder
 
     for kind in (FocalChange, RateChange):
         if reasons.issuperset(kind):
             raise SettingsError(f"--allow: found {' and '.join(kind)}, expected one of them")
-    settings = RunFolder(source).settings() if source.is_dir() else {}
-    of_experiment = asked(settings, _named_in(source) if form == _TEXT else form)
+    of_experiment = asked(settings, about)
     return replace(
         of_experiment,
         focal_px=focal,
@@ -251,6 +257,7 @@ def _write(
     terminal: Terminal,
     source: _Source,
     form: str,
+    about: str,
     target: "Target",
     tracks: Path | None,
     out: Path | None,
@@ -263,7 +270,7 @@ def _write(
     from tracknoise.tables.files import write_atomically
 
     if form in _OF_TRACKNOISE:
-        content = _header(source.model) if form == _HEADER else _as_text(source.model, _named_in(source.path), target)
+        content = _header(source.model) if form == _HEADER else _as_text(source.model, about, target)
         marked = "noise.txt" if form == _TEXT else "noise.hpp"
         files, used, shown = {marked: content}, list[str](), content
     else:
@@ -281,14 +288,6 @@ def _write(
     for name, content in files.items():
         write_atomically(out / name, content.encode())
     terminal.result("\n".join([*(f"written: {(out / name).resolve()}" for name in files), *used]))
-
-
-def _named_in(source: Path) -> str:
-    """The estimator that the experiment of a run names; a filter otherwise."""
-    from tracknoise.tables.store import RunFolder
-
-    settings = RunFolder(source).settings() if source.is_dir() else {}
-    return str(settings.get("estimator", {}).get("name", _KIND))
 
 
 def _as_text(model: "NoiseModel", name: str, target: "Target") -> str:

@@ -13,11 +13,11 @@ gate is at most 1. A filter claims a hundredth of the variance of innovations of
 and a tenth of that of features in its state. Nothing is added for them, but no gate is smaller than this share, which
 would lose what has no noise. With a third added, the NEES of Lucas-Kanade was 1.45 in place of 1.25, and errors of
 positions .63 [.50, .80] in place of .57 [.48, .68] of those with 1 px (`python -m benchmarks.filter_trial`).
+Tracks that pass have smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
+(`tracknoise.estimators.pose_trials`).
 
 Features in the state stay there as long as they are tracked. Errors that walk go on meanwhile, so that their sigma is
 that of windows of 60 frames, in which tracks end as they do in the run. With windows of 30 frames the NEES was 1.75.
-Tracks that pass have smaller errors than all, for which sigma is right: the NEES that this leaves is tried and said
-(`tracknoise.estimators.pose_trials`).
 
 **Sigma and knee of a robust loss** belong together (`tracknoise.estimators.kernels`). The knee is the largest of
 those that were tried whose errors of poses are within 2 % of the smallest, and sigma the one that makes the claimed

@@ -193,9 +193,9 @@ def _step(now: AdjustedDepths, named: Mapping[str, float]) -> tuple[str, float] 
     name, fault = max(now.adjustment.faults(now.best, displaced).items(), key=lambda item: item[1].explained)
     if named:
         return name, fault.size
-    young = now.adjustment.tracks.frame - now.adjustment.tracks.birth[track] <= _OLDEST
     if not fault.is_established:
         return None
+    young = now.adjustment.tracks.frame - now.adjustment.tracks.birth[track] <= _OLDEST
     if abs(fault.size) * np.nanmedian(np.linalg.norm(displaced[name][young], axis=1)) <= _LEAST_PX:
         return None
     camera = (now.faults[FOCAL], now.faults[ALONG_RAY])

@@ -11,6 +11,7 @@ import numpy as np
 import polars as pl
 
 from tracknoise.geometry.projection import FrameGeometry
+from tracknoise.sequences.poses import has_pose
 from tracknoise.sequences.sequence import SWEPT, Sequence, TruthKind
 from tracknoise.sequences.views import frame_step
 from tracknoise.statistics.definitions import REFERENCE_AGE
@@ -53,8 +54,6 @@ def sequence_trust(
     cautions = [item.text for item in items if item.severity is Severity.caveat and item.topic in cautioned]
     followed = "its images were not read" if evidence is None else Followed.of(evidence, sequence)
     samples = followed if isinstance(followed, str) else check_samples(followed)
-    counts = next((item.values for item in items if item.topic == "counts"), {})
-    frames, posed = (int(counts.get(name) or 0) for name in ("n_frames", "n_poses"))
     is_fitted = evidence is not None and not evidence.has_depth and set(TruthKind).isdisjoint(sequence.truths)
     dataset = sequence.id.dataset
     tables = tables_of(samples, dataset)
@@ -74,7 +73,7 @@ def sequence_trust(
         is_fitted=is_fitted,
         measures_depths=SWEPT in sequence.truths,
         moving=MOVE if any(item.text.endswith(MOVE) for item in items) else "",
-        lacks_poses=2 * posed < frames,
+        lacks_poses=2 * int(has_pose(sequence.world_from_camera).sum()) < len(sequence),
         of_images=" ".join(item.text for item in items if is_fitted and item.topic == "warping"),
         pose_fits=[fit],
         is_check=True,

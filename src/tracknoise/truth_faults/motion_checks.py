@@ -224,8 +224,8 @@ def _named(evidence: Evidence, fits: ListOf[Fit], given_px: float) -> Item:
     best = fits[0]
     name = _with_unit(evidence, best.hypothesis)
     is_seen = best.hypothesis is AS_TURNING and best.residual_px > _NOISE_PX  # a parallax that no factor explains
-    alike = [best.hypothesis.kind] if best.hypothesis.is_about else []  # other factors of the same series
-    rivals = [fit.hypothesis for fit in fits[1:] if fit.hypothesis.kind not in (*alike, "scale" if is_seen else "")]
+    names_no_scale = is_seen or best.hypothesis.is_about  # other factors of the same series are no rivals
+    rivals = [fit.hypothesis for fit in fits[1:] if not (names_no_scale and fit.hypothesis.kind == "scale")]
     other_names = list(dict.fromkeys(rival.name for rival in rivals if rival.name != best.hypothesis.name))
     undone = "without any motion of the positions" if best.hypothesis is AS_TURNING else "if that is corrected"
     text = (

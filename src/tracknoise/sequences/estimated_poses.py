@@ -217,8 +217,10 @@ def _unit(times: NDArray[np.float64], usual: TimeUnit) -> TimeUnit:
     Otherwise the one in which they can be times since 1970, or, of other clocks, the one with a likely rate.
     """
     unit, rate = unit_of_clock(float(np.nanmax(np.abs(times), initial=0.0))), rate_of(np.unique(times))
-    if rate is None or unit is usual or _SLOWEST_HZ <= rate * usual.per_second <= FASTEST_HZ:
-        return unit if rate is None else usual
+    if rate is None:
+        return unit
+    if unit is usual or _SLOWEST_HZ <= rate * usual.per_second <= FASTEST_HZ:
+        return usual
     taken_hz = rate * unit.per_second
     likely = None if _SLOWEST_HZ <= taken_hz <= FASTEST_HZ else likely_unit(taken_hz, unit)
     return unit if likely is None else likely[0]

@@ -48,10 +48,10 @@ def png(summary: Summary, shown: AnswerPlot | None, strip: Strip | None, board: 
 
 def _curves(shown: AnswerPlot, strip: Strip | None) -> Iterator[Markup]:
     """What to set by the frames in a window, a legend, and the worst track."""
-    yield _text(48, 84, 48, shown.title, weight=700)
+    yield _text(48, 84, 44, shown.title, weight=700)
     yield _text(48, 126, 24, shown.subject)
-    yield _text(860, 380, 20, f"solid: {shown.solid}")
-    yield _text(860, 410, 20, "dashed: what innovations suggest")
+    yield _text(860, 380, 18, f"solid: {shown.solid}")
+    yield _text(860, 410, 18, "dashed: what innovations suggest")
     for place, curve in enumerate(shown.curves):
         y = 192 + 40 * place
         yield Markup('<circle cx="868" cy="{y}" r="7" fill="{colour}"/>').format(y=y, colour=curve.colour)
